@@ -12,6 +12,7 @@ import openpyxl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.data.clock import AmbiguousDateError, seconds_of
@@ -260,6 +261,46 @@ def test_a_block_of_a_file(part: str, read: Read) -> None:
         InputError, match='no block "Joints"; the file has "Devices", "Trajectories"'
     ):
         read(_mapping("[F]") + "table: {block: Joints}\n", TRIAL)
+
+
+# -- rotations of the tip --------------------------------------------------------------------------
+
+# 40 degrees towards 90 degrees from x, then turned about the tip's own axis by 50 degrees
+TURNED = (
+    Rotation.from_rotvec([-np.radians(40), 0, 0]) * Rotation.from_euler("z", 50, degrees=True)
+).as_quat()
+IMU = "F,ox,oy,oz,ow\n0,0,0,0,1\n5," + ",".join(f"{v:.9f}" for v in -0.99 * TURNED)
+
+
+@pytest.mark.parametrize(
+    "angles", ["quaternion: [ow, ox, oy, oz]", "quaternion: [ox, oy, oz, ow], order: xyzw"]
+)
+def test_quaternions_in_either_order(angles: str, read: Read) -> None:
+    found = read(_mapping("[F]", f"angles: {{{angles}}}\n"), f"{IMU}\n6,1,1,0,0\n")
+    assert found.bend is not None and found.direction is not None and not found.points.size
+    np.testing.assert_allclose(np.degrees(found.bend), [0, 40], atol=1e-6)
+    assert np.degrees(found.direction[1]) == pytest.approx(90, abs=1e-6)
+    assert found.left_out == 1 and "has the length 1.41, not 1" in found.issues[0][1]
+
+
+@pytest.mark.parametrize(
+    ("angles", "says"),
+    [
+        ("unit: deg", "give either bend, a column, or quaternion"),
+        ("bend: ox", "write for example unit: deg"),
+        ("quaternion: [ow, ox, oy, oz], unit: deg", "no unit; leave both out"),
+    ],
+)
+def test_errors_in_angles(angles: str, says: str, read: Read) -> None:
+    with pytest.raises(InputError, match=says):
+        read(_mapping("[F]", f"angles: {{{angles}}}\n"), IMU)
+
+
+def test_a_draft_knows_a_quaternion(tmp_path: Path) -> None:
+    table = tmp_path / "imu.csv"
+    table.write_text(IMU)
+    with pytest.raises(InputError, match=r'quaternion: \["ow", "ox", "oy", "oz"\]'):
+        read_measurements(table)
 
 
 # -- two tables, joined by time --------------------------------------------------------------------

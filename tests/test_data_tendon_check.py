@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
-from bowstring.data.columns import Column
+from bowstring.data.columns import Column, Joined
 from bowstring.data.measurements import Measurements, load
 from bowstring.data.tendon_check import check_tendons
 from bowstring.robot.model import Robot
@@ -126,6 +126,86 @@ def test_two_segments() -> None:
         found = check_tendons(robot, reordered(data, *pair))
         assert (found.found, found.tendons) == ("swapped", pair), found.sentence
     assert check_tendons(robot, replace(data, points=data.points * [-1, 1, 1])).found == "mirrored"
+
+
+def swings(time: Floats) -> Floats:
+    """Displacements (n, 3) of two oscillations, whose periods have no common multiple, m."""
+    x, y = 6e-3 * np.sin(1.1 * time), 5e-3 * np.sin(0.61 * time + 0.4)
+    angles = np.radians([0, 120, 240])
+    return np.asarray(np.outer(x, np.cos(angles)) + np.outer(y, np.sin(angles)))
+
+
+def late_table(lag: float) -> Measurements:
+    """Tips by statics, some time behind the commands of their rows."""
+    time = np.arange(0.0, 31.0, 0.23)
+    tips = bs.solve_batch(STUDY, load=bs.Load(displacements=swings(time - lag))).tip_position
+    return Measurements(
+        source="synthetic",
+        name="late",
+        tensions=np.full((len(time), 3), np.nan),
+        displacements=swings(time),
+        points=tips[:, None],
+        line=np.arange(len(time)),
+        group=np.full(len(time), ""),
+        repeat=np.ones(len(time), dtype=int),
+        time=time,
+    )
+
+
+@pytest.mark.parametrize("lag", [1.7, -3.04])
+def test_clocks_that_are_apart(lag: float) -> None:
+    data = late_table(lag)
+    alone = check_tendons(STUDY, data)
+    side = "behind" if lag > 0 else "ahead of"
+    assert alone.alarm and f"{abs(lag):.3g} s {side} the commands" in alone.sentence
+    assert "--parameter delay" in alone.sentence and alone.unexplained < 0.1
+    # the shift is added to the clock of the joined table, and replaces the one it had
+    for has_commands, shift in ((True, 0.5 + lag), (False, 0.5 - lag)):
+        joined = replace(data, join=Joined(0.5, has_commands))
+        found = check_tendons(STUDY, joined)
+        named = re.search(r"write shift: (\S+) s in the mapping's join", found.sentence)
+        assert named and float(named[1]) == pytest.approx(shift, abs=0.011), found.sentence
+        assert "agrees with the tendon order" in found.sentence
+    fitted = check_tendons(STUDY, data, delay_is_fitted=True)
+    assert fitted.found == "as_stated" and "clocks" not in fitted.sentence
+    # both errors at once
+    swapped = check_tendons(STUDY, reordered(data, 1, 3))
+    assert f"{abs(lag):.3g} s {side}" in swapped.sentence
+    assert "or tendons 1 and 3 are swapped" in swapped.sentence
+
+
+@pytest.mark.parametrize("lag", [-2.4, 7.1])
+@pytest.mark.parametrize("motion", ["periodic", "ramp"])
+def test_shifts_of_motions_with_several_peaks_or_a_flat_one(motion: str, lag: float) -> None:
+    """The smallest of the shifts that explain a periodic motion; one ramp, once."""
+    time = np.arange(0.0, 70.0, 0.07)
+
+    def commands(at: Floats) -> Floats:
+        share = np.clip((at - 30) / 9, 0, 1) if motion == "ramp" else np.sin(at) * np.sin(0.2 * at)
+        return np.outer(6e-3 * share, np.cos(np.radians([0, 120, 240])))
+
+    lengths = STUDY.length - commands(time - lag)
+    arcs = bs.constant_curvature.RobotArcs.from_lengths(STUDY, lengths, hold_length=True)
+    data = replace(late_table(0.0).select(np.zeros(len(time), int)), time=time)
+    data = replace(data, displacements=commands(time), points=arcs.tip.position[:, None])
+    sentence = check_tendons(STUDY, data).sentence
+    named = re.search(r"tips are (\S+) s (behind|ahead of) the commands", sentence)
+    assert named, sentence
+    assert float(named[1]) * (1 if named[2] == "behind" else -1) == pytest.approx(lag, abs=0.03)
+
+
+def test_clocks_are_not_blamed_for_the_order_nor_for_noise() -> None:
+    right = late_table(0.0)
+    assert check_tendons(STUDY, right).found == "as_stated"
+    swapped = check_tendons(STUDY, reordered(right, 1, 2))
+    assert swapped.found == "mirrored" and "clocks" not in swapped.sentence
+    noise = np.random.default_rng(3).normal(0, 0.02, right.points.shape)
+    for other in (
+        replace(right, points=noise),
+        replace(late_table(1.7), time=right.time[::-1]),  # type: ignore[index]
+    ):
+        found = check_tendons(STUDY, other)
+        assert found.found == "unclear" and not re.search("apart|behind|ahead", found.sentence)
 
 
 def test_tables_that_cannot_be_checked() -> None:

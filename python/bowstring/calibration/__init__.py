@@ -11,6 +11,7 @@ from bowstring.calibration.model_comparison import (
     compare_models,
 )
 from bowstring.calibration.observations import Data, PointScore, Score, score
+from bowstring.calibration.orientation_fit import AngleScore, OrientationFit, fit_orientation
 from bowstring.calibration.prediction import Predicted, predict_with_interval
 from bowstring.calibration.priors import default_priors
 from bowstring.calibration.residual import Corrected, Hyperparameters, Residual, fit_residual
@@ -20,6 +21,7 @@ from bowstring.calibration.residual_inverse import CorrectedInverse, inverse_wit
 from bowstring.calibration.table_fit import Calibration, calibrate
 
 __all__ = [
+    "AngleScore",
     "Calibration",
     "Compared",
     "ComparisonInterrupted",
@@ -34,6 +36,7 @@ __all__ = [
     "Hyperparameters",
     "JudgedModel",
     "ModelComparison",
+    "OrientationFit",
     "PointScore",
     "Predicted",
     "Residual",
@@ -46,6 +49,7 @@ __all__ = [
     "default_priors",
     "filtered",
     "fit",
+    "fit_orientation",
     "fit_residual",
     "fit_slow_bias",
     "hold_out",

@@ -288,7 +288,10 @@ def tips(data: Measured, count: int) -> Floats:
         raise InputError("points must be numbers of shape (K, P, 3) in m") from None
     if found.ndim == 3:
         if not found.shape[1]:
-            raise InputError("the measurements have angles only, a fit needs a measured tip")
+            raise InputError(
+                "the measurements have angles only, a fit needs a measured tip; fit_orientation "
+                "fits angles"
+            )
         found = found[:, -1, :]
     if found.shape != (count, 3):
         raise InputError(

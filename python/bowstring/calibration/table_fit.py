@@ -446,7 +446,9 @@ def calibrate(
         rows = points.seen.any(axis=1) & (np.cumsum(out) == 0)  # the last rows are held out
     notify("fit", 0.0)
     zero_is_fitted = any(name.partition(".")[0] == "offset" for name in parameters)
-    order = check_tendons(robot, data, zero_is_fitted=zero_is_fitted)
+    order = check_tendons(
+        robot, data, zero_is_fitted=zero_is_fitted, delay_is_fitted="delay" in parameters
+    )
     begin = dict(start or {})
     if zero_is_fitted and not np.isnan(data.tensions).any():
         begin = _likely_offsets(data, parameters) | begin

@@ -42,7 +42,7 @@ from bowstring.units import rounded, si_of
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from bowstring.calibration.fitting import Fit
+    from bowstring.calibration.fitting import Estimate, Fit
     from bowstring.calibration.model_comparison import (
         ComparisonInterrupted,
         JudgedModel,
@@ -292,6 +292,19 @@ def fit(
         compare=compare,
         start=begin,
     )
+    if not table.points.shape[1]:
+        refused_flags = {
+            "--holdout": holdout,
+            "--folds": folds,
+            "--validate": validate,
+            "--residual": residual,
+            "--compare": compare,
+            "--out": out,
+            "--prior and --priors": priors,
+        }
+        for flag in (flag for flag, value in refused_flags.items() if value):
+            raise InputError(f"{flag} needs measured tips, and the table has angles only.")
+        return _fit_orientation(robot, table, parameter, model, loss, begin, origin, as_json)
     compared = None
     try:
         if compare:
@@ -463,6 +476,55 @@ def _check_comparison(model: str, holdout: float | None, start: Path | None) -> 
         raise InputError("--compare begins at the values of ROBOT; leave --start out.")
 
 
+def _fit_orientation(
+    robot: Robot,
+    table: Measurements,
+    parameter: list[str],
+    model: Literal["rod", "arc"],
+    loss: Literal["linear", "soft_l1", "huber"],
+    begin: dict[str, float] | None,
+    origin: OfRobot,
+    as_json: bool,
+) -> None:
+    """Fit a model to a table of angles, and write the result."""
+    from bowstring.calibration.orientation_fit import fit_orientation
+    from bowstring.data.tendon_check import check_tendons
+
+    order = check_tendons(
+        robot,
+        table,
+        zero_is_fitted=any(name.partition(".")[0] == "offset" for name in parameter),
+        delay_is_fitted="delay" in parameter,
+    )
+    kind: Literal["arc"] | None = "arc" if model == "arc" else None
+    found = fit_orientation(robot, table, parameter, model=kind, start=begin, loss=loss)
+    doubts = [table.doubt, order.sentence if order.alarm else order.remark]
+    doubts = [sentence for sentence in doubts if sentence]
+    for sentence in doubts:
+        say("Warning", sentence)
+    if as_json:
+        write_json({**found.to_dict(), **origin, "warnings": [*robot.warnings, *doubts]})
+    else:
+        what = "statics" if model == "rod" else "constant curvature"
+        left = f", {table.left_out} left out" if table.left_out else ""
+        lost = len(table) - found.rows
+        left += f", {lost} without an equilibrium" if lost else ""
+        scores = new_table("angle error", ">RMSE deg", ">mean deg", ">largest deg")
+        for name, score in (("before", found.score_before), ("after", found.score)):
+            sizes = (score.rmse, score.mean, score.largest)
+            scores.add_row(name, *[fixed(math.degrees(size), 3) for size in sizes])
+        write_tables(
+            f"{robot.name}, {what}, fitted to the angles of {table.name} "
+            f"({table.source}): {counted(found.rows, 'row')}{left}",
+            _estimate_table(found.estimates),
+            scores,
+        )
+    if not found.converged:
+        raise NoSolutionError(
+            f"{robot.name}: not converged; begin from better values, or with fewer parameters"
+        )
+
+
 def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str]:
     import numpy as np
 
@@ -482,24 +544,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         f"{fit.robot.name}, {what}, fitted to {data.name} ({data.source}): "
         f"{counted(int(fit.used.sum()), 'row')}{several}{kept}{left}"
     )
-    some = [">prior"] if any(e.prior_sd for e in fit.estimates) else []
-    table = new_table(
-        "parameter", ">value", ">std. error", ">95 % from", ">to", ">began at", *some, "unit"
-    )
-    for e in fit.estimates:
-        prior = "" if e.prior_sd is None else f"{e.prior_mean:.6g} ± {rounded(e.prior_sd, 2)}"
-        digits = _digits(e.standard_error, e.value)
-        told = math.isfinite(e.standard_error)
-        table.add_row(
-            e.name,
-            fixed(e.value, digits),
-            rounded(e.standard_error, 2) if told else "unknown",
-            *[fixed(end, digits) if math.isfinite(end) else "-" for end in (e.low, e.high)],
-            f"{e.start:.6g}",
-            *([prior] if some else []),
-            e.unit,
-        )
-    yield table
+    yield _estimate_table(fit.estimates)
     yield fit.message
     if found.correlated:
         pairs = [f"{each.pair} by {each.correlation:.3f}" for each in found.correlated]
@@ -563,6 +608,27 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         yield f"Calibrated robot: {folder / 'robot.yaml'}"
         if found.beside:
             yield f"Base, tool and actuation, for --start: {folder / table_fit.BESIDE}"
+
+
+def _estimate_table(estimates: Sequence[Estimate]) -> Table:
+    some = [">prior"] if any(e.prior_sd for e in estimates) else []
+    table = new_table(
+        "parameter", ">value", ">std. error", ">95 % from", ">to", ">began at", *some, "unit"
+    )
+    for e in estimates:
+        prior = "" if e.prior_sd is None else f"{e.prior_mean:.6g} ± {rounded(e.prior_sd, 2)}"
+        digits = _digits(e.standard_error, e.value)
+        told = math.isfinite(e.standard_error)
+        table.add_row(
+            e.name,
+            fixed(e.value, digits),
+            rounded(e.standard_error, 2) if told else "unknown",
+            *[fixed(end, digits) if math.isfinite(end) else "-" for end in (e.low, e.high)],
+            f"{e.start:.6g}",
+            *([prior] if some else []),
+            e.unit,
+        )
+    return table
 
 
 def _point_table(fit: Fit) -> Table:

@@ -123,6 +123,16 @@ class Column:
         return si / self.factor + self.zero
 
 
+@dataclass(frozen=True)
+class Joined:
+    """Clock of a joined table."""
+
+    shift: float
+    """Offset added to its times, s."""
+    has_commands: bool
+    """Whether it has the commands, and the other table the tips."""
+
+
 @dataclass
 class Layout:
     """Columns of a table by quantity.
@@ -142,6 +152,8 @@ class Layout:
     """Column of the bend angle, rad; None without one."""
     direction: Column | None = None
     """Column of the direction of bending, rad; None without one."""
+    quaternion: tuple[Column, ...] | None = None
+    """Columns w, x, y, z of the rotation of the tip, in place of these; None without any."""
     sigma: Column | None = None
     """Column of the standard uncertainty of a coordinate, m; None without one."""
     time: Column | None = None
@@ -161,6 +173,8 @@ class Layout:
     """Offset of the measured point from the tip (3,), in the tip's axes, m."""
     sigma_of_all: float | None = None
     """Standard uncertainty of every coordinate, m; None if not given."""
+    join: Joined | None = None
+    """Clock of a joined table; None if none is joined."""
     source: str | None = None
     """Source of data that do not state their own; None if not given."""
     name: str | None = None

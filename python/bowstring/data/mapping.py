@@ -22,6 +22,7 @@ from bowstring.data.columns import (
     SIGMA,
     TOOL,
     Column,
+    Joined,
     Layout,
     Part,
     Zero,
@@ -334,11 +335,38 @@ class Shape(Fields):
 
 
 class Angles(Fields):
-    """Columns of angle and direction of bending."""
+    """Columns of angle and direction of bending, or of the quaternion of the tip's rotation."""
 
-    bend: Name
+    bend: Annotated[str | None, COLUMN] = None
     direction: Annotated[str | None, COLUMN] = None
-    unit: Annotated[str, _unit("rad")]
+    unit: Annotated[str | None, _unit("rad")] = None
+    quaternion: tuple[Name, Name, Name, Name] | None = None
+    order: Literal["wxyz", "xyzw"] = "wxyz"
+
+    @model_validator(mode="after")
+    def _check(self) -> Angles:
+        if (self.bend is None) == (self.quaternion is None):
+            raise wrong(
+                "give either bend, a column, or quaternion, the columns [w, x, y, z] of the "
+                "rotation of the tip (with order: xyzw [x, y, z, w])"
+            )
+        if self.quaternion is not None and (self.direction or self.unit):
+            raise wrong("quaternion: it has the direction and no unit; leave both out")
+        if self.bend is not None and self.unit is None:
+            raise wrong("unit: missing; write for example unit: deg")
+        return self
+
+    def find(self, found: Layout, finder: _Finder) -> None:
+        """Find the columns in a table."""
+        if self.quaternion is not None:
+            columns = [finder.column("angles.quaternion", name) for name in self.quaternion]
+            first = self.order.index("w")
+            found.quaternion = tuple([columns.pop(first), *columns])
+            return
+        factor = _scale_of(self.unit or "rad", "rad")
+        found.bend = finder.column("angles.bend", self.bend or "", factor)
+        if self.direction is not None:
+            found.direction = finder.column("angles.direction", self.direction, factor)
 
 
 class Sigma(Fields):
@@ -514,10 +542,10 @@ class Mapping(Fields):
             factor = 1.0 if in_pixels else _scale_of(self.shape.unit, "m")
             found.shape = find("shape.column", self.shape.column, factor)
         if self.angles is not None:
-            factor = _scale_of(self.angles.unit, "rad")
-            found.bend = find("angles.bend", self.angles.bend, factor)
-            if self.angles.direction is not None:
-                found.direction = find("angles.direction", self.angles.direction, factor)
+            self.angles.find(found, finder)
+        if self.join is not None and table.own is not None and found.tendons:
+            later = [column.index >= table.own for _, column in found.tendons]
+            found.join = Joined(self.join.shift, any(later))
         if self.stations is not None:
             count = len(found.points) or len(self.stations)
             found.stations = check_stations("mapping: stations", self.stations, count)

@@ -235,11 +235,12 @@ class _Draft:
         self.used: dict[str, str] = {}
         self.is_motive = table.length_unit is not None
         self.time = "" if self.is_motive else self.clock()
+        self.rotation: list[_Column] = []
         self.quaternions()
         self.tip = self.find_tip()
         self.tip_unit = table.length_unit or (self.length_unit(self.tip) if self.tip else None)
         self.angles = {} if self.tip or self.is_motive else self.find_angles()
-        if self.angles:
+        if self.angles or self.rotation:
             self.remarks = [item for item in self.remarks if item[0] != "tip"]
         self.quantity, self.command_unit = "tension", ""
         self.commands: list[_Column] = [] if self.is_motive else self.find_commands()
@@ -321,6 +322,9 @@ class _Draft:
             fields = ", ".join(f"{key}: {_text(c.name)}" for key, c in self.angles.items())
             unit = next(c.unit or "deg" for c in self.angles.values())
             return [f"angles: {{{fields}, unit: {unit}}}   # and of what tips there are: tip"]
+        if self.tip is None and self.rotation:
+            cells = ", ".join(_text(c.name) for c in self.rotation)
+            return [f"angles: {{quaternion: [{cells}]}}   # w, x, y and z"]
         if self.tip is None:
             return []
         if self.is_motive:
@@ -473,11 +477,13 @@ class _Draft:
                 continue
             values = np.stack([column.values for column in four], axis=1)
             norms = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
-            is_named = all(_QUATERNION & set(column.words) for column in four)
+            ordered = _w_first(four)
+            is_named = bool(ordered) or all(_QUATERNION & set(column.words) for column in four)
             moves = any(len(c.known) > 4 and not c.is_constant for c in four)
             enough = len(norms) and (is_named or moves)
-            if enough and (np.abs(norms - 1) < 5e-3).mean() > 0.9:
+            if enough and (np.abs(norms - 1) < (0.05 if ordered else 5e-3)).mean() > 0.9:
                 self.use(four, "quaternion")
+                self.rotation = self.rotation or ordered
 
     def find_tip(self) -> list[_Point] | None:
         """Point that is the tip; several where a marker changes its name."""
@@ -746,6 +752,18 @@ def _sums_to_zero(values: Floats) -> bool:
     sums, sizes = np.abs(values.sum(axis=1)), np.abs(values).max(axis=1)
     known = np.isfinite(sums) & (sizes > 0)
     return bool(known.sum() >= 3 and (sums[known] < 0.02 * sizes[known].max()).mean() > 0.95)
+
+
+def _w_first(four: Sequence[_Column]) -> list[_Column]:
+    """Columns of a quaternion as w, x, y and z, by the letter in which their names differ."""
+    for column in four:
+        for match in re.finditer(r"[wW](?![A-Za-z])", column.name):
+            letters = "wxyz" if match[0] == "w" else "WXYZ"
+            names = [column.name[: match.start()] + x + column.name[match.end() :] for x in letters]
+            by_name = {each.name: each for each in four}
+            if set(names) == set(by_name):
+                return [by_name[name] for name in names]
+    return []
 
 
 def _chain(points: Sequence[_Point]) -> list[_Point]:

@@ -23,7 +23,7 @@ from bowstring._core import __version__
 from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
 from bowstring.data import channels, datasets
 from bowstring.data.clock import ISO, times
-from bowstring.data.columns import SOURCES, Column, Layout, Source, check_stations, tidy
+from bowstring.data.columns import SOURCES, Column, Joined, Layout, Source, check_stations, tidy
 from bowstring.data.header_detection import detected
 from bowstring.data.mapping import Mapping, load_mapping
 from bowstring.data.mapping_draft import draft
@@ -59,6 +59,7 @@ _MOST_LABELS: Final = 100
 _MOST_SHAPE_POINTS: Final = 1_000
 _LONGEST_LABEL: Final = 200
 _MOST_COORDINATES: Final = 100_000_000  # 0.8 GB
+_NO_ROTATION: Final = 0.05  # deviation of the length of a quaternion from 1
 _LARGEST: Final = 1e30  # larger numbers may overflow in the conversion to SI
 _REACH: Final = 3.0  # distance of a tip from the mean tip over length; at most 1 + sqrt(3)
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
@@ -133,6 +134,8 @@ class Measurements:
     """Standard errors (T,) of the zeros of tensions that the file has by rows, N; 0 for others."""
     columns: tuple[Column, ...] = ()
     """Columns of the T tendons in the file; empty for other data."""
+    join: Joined | None = None
+    """Clock of a joined table; None: no table is joined."""
     faults: tuple[str, ...] = ()
     """Sentences on readings that are probably wrong, spikes and saturated sensors; these rows are
     kept."""
@@ -516,6 +519,7 @@ class _Reader:
                 ]
             ),
             columns=tuple(column for _, column in self.layout.tendons),
+            join=self.layout.join,
             faults=tuple(self.faults),
             path=self.table.path,
             sha256=self.table.sha256,
@@ -635,6 +639,18 @@ class _Reader:
         for name in ("bend", "direction", "sigma", "time"):
             if (one := getattr(layout, name)) is not None:
                 out[name] = numbers(one, name)
+        if layout.quaternion is not None:
+            given = np.stack([numbers(each) for each in layout.quaternion], axis=1)
+            size = np.linalg.norm(given, axis=1)
+            no_rotation = good & ~(np.abs(size - 1.0) < _NO_ROTATION)
+            for i in np.flatnonzero(no_rotation).tolist():
+                why = f"the quaternion has the length {significant(float(size[i]))}, not 1"
+                self.leave_out(lines[i], why)
+            good &= ~no_rotation
+            w, x, y, z = np.where(good, given.T / np.where(size > 0, size, 1.0), 0.0)
+            across = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x)
+            out["bend"] = np.arctan2(np.hypot(*across), 1.0 - 2.0 * (x * x + y * y))
+            out["direction"] = np.arctan2(across[1], across[0])
         repeat = numbers(layout.repeat, "repeat") if layout.repeat else np.ones(n)
         out["repeat"] = np.where(good, repeat, 0).astype(np.int64)
         label = layout.group or layout.recording

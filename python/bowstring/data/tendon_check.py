@@ -1,10 +1,11 @@
-"""Check of the tendon order in measurements: swapped tendons, mirrored numbering.
+"""Check of the tendon order in measurements: swapped tendons, mirrored numbering, shifted clocks.
 
 Each candidate error (two tendons swapped, reversed sense of numbering) predicts the tips by
 constant curvature. A rigid motion and a gain are fitted, because the measuring frame may differ
 from the base frame and the robot is not exactly an arc. A mirrored order shows as a fitted motion
 that would have to contain a reflection. Candidates that explain the data equally well are not
-distinguished.
+distinguished. Clocks of commands and tips that are apart look like any wrong order, and are judged
+first.
 """
 
 from __future__ import annotations
@@ -58,6 +59,12 @@ _CONSTANT: Final = 0.5  # least common displacement over the largest, above whic
 _ABOVE: Final = 0.05  # reading without load over the range, above which it is a zero
 _SAME: Final = 0.03  # difference of unexplained shares that says nothing
 _STRAIGHT: Final = 0.01  # distance of a tip from that of the straight robot over its length
+_LATE: Final = 1 / 3  # unexplained share with the clocks shifted over that without
+_IN_TIME: Final = 0.1  # unexplained share up to which no shift of the clocks is searched
+_MOST_SAMPLES: Final = 16_384  # of an even grid of times
+_MOST_PEAKS: Final = 9
+_ALIKE: Final = 0.05  # unexplained share below which shifts are equally good
+_FEWEST_SHIFTED: Final = 20  # rows
 _ALONE: Final = 0.1  # share of a common displacement that no bend has
 _UNITS: Final = "check the unit of the tensions or masses, and E of the robot file."
 _UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explains
@@ -112,7 +119,11 @@ class _Fit:
 
 
 def check_tendons(
-    robot: Robot, measurements: Measurements, *, zero_is_fitted: bool = False
+    robot: Robot,
+    measurements: Measurements,
+    *,
+    zero_is_fitted: bool = False,
+    delay_is_fitted: bool = False,
 ) -> TendonCheck:
     """Check the order of the tendons against the measured motion of the tip.
 
@@ -125,6 +136,8 @@ def check_tendons(
     zero_is_fitted : bool
         Whether a fit finds the zeros of tensions, so that they are no doubt: the likely ones are
         taken off.
+    delay_is_fitted : bool
+        Whether a fit finds the delay of the tips, so that clocks that are apart are no doubt.
 
     Returns
     -------
@@ -148,7 +161,7 @@ def check_tendons(
         if doubt := _doubted_displacements(robot, measurements):
             return TendonCheck("unclear", f"{doubt} {unchecked}")
         return TendonCheck("unchecked", unchecked)
-    found = _order(motion)
+    found = _timed_order(motion, delay_is_fitted)
     doubted, remark = _unloaded(motion)
     doubt = _doubted_commands(motion) or doubted or _doubted_size(motion)
     if remark:
@@ -158,6 +171,94 @@ def check_tendons(
     # an unclear order adds nothing to the doubt
     sentence = doubt if found.found == "unclear" else f"{doubt} {found.sentence}"
     return replace(found, found="unclear", sentence=sentence)
+
+
+def _timed_order(motion: _Motion, delay_is_fitted: bool) -> TendonCheck:
+    """Judge the order of the tendons, after the clocks of commands and tips."""
+    found = _order(motion)
+    if found.unexplained <= _IN_TIME or motion.m.time is None:
+        return found
+    delay = _delay(motion)
+    late = motion.delayed(delay) if delay else None
+    if late is None:
+        return found
+    order = _order(late)
+    if order.found == "unclear" or (
+        order.found not in ("swapped", "mirrored") and order.unexplained > _LATE * found.unexplained
+    ):
+        return found
+    if delay_is_fitted:
+        return order
+    share = f"{100 * found.unexplained:.0f} %"
+    if motion.m.join is None:
+        seconds = significant(abs(delay))
+        say = f"The tips are {seconds} s {'behind' if delay > 0 else 'ahead of'} the commands"
+        cure = "shift the column of one of them, or fit the delay (--parameter delay)"
+    else:
+        joined = motion.m.join
+        shift = joined.shift + (delay if joined.has_commands else -delay)
+        say = f"The clocks of commands and tips are {significant(abs(delay))} s apart"
+        cure = f"write shift: {significant(shift)} s in the mapping's join"
+    sentence = (
+        f"{say}, which leaves {share} of the tip's motion unexplained: {cure}. Then: "
+        f"{order.sentence}"
+    )
+    return replace(order, found="unclear", sentence=sentence)
+
+
+def _delay(motion: _Motion) -> float:
+    """Delay of the tips behind the commands that explains them best, s; 0 if none is better.
+
+    Peaks of the cross-correlation of the tips with the bends by the linear law, in any order and
+    frame; the best peak is refined by regression.
+    """
+    time, tips = motion.m.time, motion.every
+    assert time is not None
+    seen = np.isfinite(tips).all(axis=1)
+    if seen.sum() < 2 * _FEWEST_SHIFTED or not (np.diff(time) > 0).all():
+        return 0.0
+    time, tips, bends = time[seen], tips[seen], motion.every_command[seen] @ motion.by_tendon.T
+    # a grid as fine as the samples, as far as their number allows
+    span, step = float(time[-1] - time[0]), float(np.median(np.diff(time)))
+    count = int(min(max(span / step, len(time)), _MOST_SAMPLES)) + 1
+    even, step = np.linspace(time[0], time[-1], count, retstep=True)
+    b, y = (
+        np.stack([np.interp(even, time, column) for column in given.T]) for given in (bends, tips)
+    )
+    b, y = (each - each.mean(axis=1, keepdims=True) for each in (b, y))
+    size = 2 * count
+    by_lag = np.fft.irfft(np.fft.rfft(y, size)[:, None] * np.fft.rfft(b, size).conj(), size)
+    half = count // 2
+    lags = np.arange(-half, half + 1)
+    overlap = count - np.abs(lags)
+    common = by_lag[..., lags] / overlap
+    explained = np.einsum("yan,ab,ybn->n", common, np.linalg.pinv(b @ b.T / count), common)
+    peaks = 1 + np.flatnonzero(
+        (explained[1:-1] >= explained[:-2]) & (explained[1:-1] >= explained[2:])
+    )
+    peaks = peaks[np.argsort(-explained[peaks])][:_MOST_PEAKS]
+
+    def left(delay: float) -> float:
+        late = motion.delayed(delay)
+        return np.inf if late is None else late.by_regression
+
+    if not len(peaks):
+        return 0.0
+
+    def refined(delay: float, width: float) -> float:
+        return float(min(delay + width * np.linspace(-1, 1, 11), key=left))
+
+    tried = [refined(delay, step) for delay in lags[peaks] * step]
+    least = min(map(left, tried))
+    # a periodic motion has several, of which the smallest is the most probable
+    best = min((delay for delay in tried if left(delay) <= max(_TIE * least, _ALIKE)), key=abs)
+    wide = refined(best, span / 20)  # the correlation of a single ramp has its peak aside
+    best = wide if left(wide) < _CLEARLY * left(best) else best
+    width = span / 100
+    while width > 0.01 * step:
+        best = refined(best, width)
+        width /= 5
+    return float(best) if left(best) < _CLEARLY * motion.by_regression else 0.0
 
 
 def _order(motion: _Motion) -> TendonCheck:
@@ -519,6 +620,40 @@ class _Motion:
     """Derivatives (2 S, T) of the segments' bends by these, rad per m or N."""
     measured: Floats
     """Tips or, if no point is measured, directions of the tip."""
+    rows: NDArray[np.int64]
+    """Indices of these rows in the measurements."""
+    every: Floats
+    """Tips or directions in all rows."""
+
+    @property
+    def every_command(self) -> Floats:
+        """Displacements or tensions in all rows."""
+        return self.m.displacements if self.by_displacement else self.m.tensions
+
+    def delayed(self, delay: float) -> _Motion | None:
+        """Motion whose tips are some time behind the commands, s; None with too few rows."""
+        time = self.m.time
+        assert time is not None
+        asked = time[self.rows] - delay
+        inside = (asked >= time[0]) & (asked <= time[-1])
+        if inside.sum() < max(_FEWEST_SHIFTED, len(self.rows) / 3):
+            return None
+        commands = np.stack(
+            [np.interp(asked[inside], time, column) for column in self.every_command.T], axis=1
+        )
+        measured, rows = self.measured[inside], self.rows[inside]
+        return replace(self, commands=commands, measured=measured, rows=rows)
+
+    @property
+    def by_regression(self) -> float:
+        """Share of the motion that no polynomial of degree 2 in the bends explains."""
+        bends = self.commands @ self.by_tendon.T
+        bends = bends / max(float(np.abs(bends).max()), 1e-300)
+        pairs = [bends[:, i] * bends[:, j] for i in range(bends.shape[1]) for j in range(i + 1)]
+        given = np.column_stack([np.ones(len(bends)), bends, *pairs])
+        left = self.measured - given @ np.linalg.lstsq(given, self.measured, rcond=None)[0]
+        free = max(len(given) - given.shape[1], 1) / len(given)
+        return float(np.sqrt((left**2).sum(axis=1).mean() / free)) / _spread(self.measured)
 
     @property
     def by_displacement(self) -> bool:
@@ -594,7 +729,7 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
         rows = np.setdiff1d(rows, np.concatenate([spikes(column) for column in columns]))
     if len(rows) < _FEWEST_ROWS:
         return f"it takes {_FEWEST_ROWS} rows or more", None
-    motion = _Motion(robot, m, commands[rows], by_tendon, measured[rows])
+    motion = _Motion(robot, m, commands[rows], by_tendon, measured[rows], rows, measured)
     still = _spread(motion.measured) < _STILL * motion.size
     return "the tip hardly moves" if still else "", motion
 

@@ -51,6 +51,7 @@ _FORMS: Final[dict[str, Any]] = {
     "bench simulate": bench.BenchSimulate,
     "fit": fit.Fit,
     "fit --compare, stopped": fit.StoppedComparison,
+    "fit --measurements, angles only": fit.FitOfAngles,
     "export --out .step": solids.Cad,
     "export --out .xml": program.Export,
     "export --out .json": compiled.Compiled,

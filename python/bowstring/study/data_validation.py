@@ -393,7 +393,8 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
     if data.points.shape[1] == 0:
         raise InputError(
             f"{name}: there are angles only and no measured tip; a study compares tip positions, "
-            "give tip_x_mm, tip_y_mm and tip_z_mm"
+            "give tip_x_mm, tip_y_mm and tip_z_mm; fit --model arc --parameter bend_gain fits "
+            "constant curvature to the angles"
         )
     if data.scale is None:
         raise InputError(
