@@ -205,7 +205,8 @@ def _random_tensions(of: NDArray[np.int64], signs: list[tuple[float, ...]], top:
         along = 0.5 - 0.5 * np.cos(np.pi * rng.uniform(size=alone.sum()))
         tensions[alone, rng.choice(own, alone.sum())] = top * along
     tensions[[0, -1]] = 0.0  # of the fit, and of its test
-    return tensions * np.column_stack([rng.choice(each, count) for each in signs])
+    tensions *= np.column_stack([rng.choice(each, count) for each in signs])
+    return tensions
 
 
 def _segment_bends(robot: Robot) -> Floats:

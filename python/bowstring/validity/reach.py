@@ -208,7 +208,8 @@ def reach(
     """Find where the tip can be under tension limits, and how it moves, yields and carries there.
 
     Poses are drawn between zero and the largest tensions (chambers push, rods do both), half
-    of them with most tendons at a limit, so that the boundary shows. Constant curvature stands beside physics.
+    of them with most tendons at a limit, so that the boundary shows. Constant curvature stands
+    beside physics.
 
     Parameters
     ----------
