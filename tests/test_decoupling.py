@@ -110,6 +110,14 @@ def test_a_displacement_needs_those_of_inner_segments(
     said = "tendon 4 has the displacement of its own segment.*tendon 1 of an inner segment has none"
     with pytest.raises(InputError, match=said):
         bs.solve(robot, load=bs.Load(tensions=tensions, displacements=displacements))
+    # a tendon at 0 degrees takes nothing from those at 120 and 240: rounding asks for no others
+    ring = {f"segments.{k}.tendons": {"count": 3, "pitch_radius": "4 mm"} for k in range(3)}
+    aligned = robot.with_({**ring, "segments.1.tendons.decoupling": 1})
+    alone = bs.Load(
+        tensions=[None, 0.3, 0.3, None, 0.3, 0.3, *3 * [0.0]],
+        displacements=[1e-4, None, None, 1e-4, *5 * [None]],
+    )
+    assert bs.solve(aligned, load=alone).converged
     # the other way it is known
     inner = bs.Load(tensions=[None] * 3 + [0.3] * 6, displacements=[*own[:3], *[None] * 6])
     assert bs.solve(robot, load=inner).converged

@@ -55,6 +55,20 @@ def rods(tmp_path: Path) -> bs.Robot:
     return _robot(tmp_path, RODS)
 
 
+@pytest.mark.parametrize("kind", ["rod", "chamber"])
+def test_poses_are_drawn_where_tendons_push(tmp_path: Path, kind: str) -> None:
+    """Chambers push, rods do both; constant curvature commands these tensions too."""
+    robot = _robot(tmp_path, RODS, tendons__kind=kind)
+    for found in (bs.reach(robot, 4, poses=8), bs.workspace_map(robot, 4, poses=8)):
+        drawn = found.tensions
+        assert not drawn[0].any()
+        assert -4.0 <= drawn.min() < -2.0
+        assert (drawn.max() > 2.0) if kind == "rod" else (drawn.max() == 0.0)
+    errors = bs.control_errors(robot, poses=8, max_tension=4, corrections=0, commands=["tensions"])
+    away = np.linalg.norm(errors.landed["tensions"][0] - errors.wanted, axis=-1)
+    assert away.max() < 0.02 * robot.length
+
+
 @pytest.mark.parametrize("force", [-2.5, -0.3, 1.7])
 def test_a_chamber_bends_and_extends_in_closed_form(chambers: bs.Robot, force: float) -> None:
     """kappa = P r/(E I) by the length without load, and extension P/(E A)."""

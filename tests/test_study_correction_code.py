@@ -144,6 +144,28 @@ def test_polynomials_refuse_what_is_outside_their_range(fitted: Found) -> None:
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+@pytest.mark.parametrize(
+    ("changes", "shares"),
+    [
+        ({}, {1: 1.0, 2: 1.0}),
+        ({"kind": "chamber", "area": "1 cm^2"}, {1: -1.0}),
+        ({"kind": "rod"}, {1: 1.0, 2: -1.0}),
+    ],
+)
+def test_polynomials_reach_the_end_of_the_sweep(
+    paper: Study, changes: dict[str, str], shares: dict[int, float]
+) -> None:
+    """Of two tendons, of a chamber that pushes, and of rods that do both."""
+    tendons = {f"segments.0.tendons.{name}": value for name, value in changes.items()}
+    robot = bs.load_robot("amouri2019", {"gravity": "9.81 0 0 m/s^2", **tendons})
+    stages = Stages(robot, tendon=shares, max_tension=20.0)
+    verdict = stages.judged(paper.budget)
+    assert "by a polynomial: yes, up to 20 N" in verdict.meanings[1].answer
+    fit, tensions = verdict.polynomials[1], np.outer([0.1, 0.5, 1.0], 20.0 * stages.model.shares)
+    rod = bs.sweep(robot, tensions).raise_for_status().tip_position
+    assert np.linalg.norm(fit.tip(tensions) - rod, axis=1).max() < 1.5 * fit.max_error
+
+
 def test_c_has_the_same_polynomials(fitted: Found, tmp_path: Path) -> None:
     study, tensions, lengths = fitted
     made = _c(study, tmp_path)

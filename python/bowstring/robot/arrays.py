@@ -558,7 +558,9 @@ class RobotArrays(Part):
             taken[np.ix_(beyond, own)] = arm[beyond] @ np.linalg.pinv(arm[own])
         share = tendons.decoupling[:, None]
         alone = np.linalg.inv(every + (1.0 - share) * taken)
-        return frozen(every + share * (taken @ alone))
+        found = every + share * (taken @ alone)
+        found[np.abs(found) < 1e-12] = 0.0  # rounding; `check_coupled` reads who needs whom
+        return frozen(found)
 
     @property
     def memories(self) -> tuple[str, ...]:

@@ -121,10 +121,12 @@ def _on_polynomials(study: Study) -> list[str]:
     """Range and errors in sentences."""
     robot, top = study.robot, f"{significant(study.verdict.polynomials[0].top)} N"
     each = " of each segment" if len(robot.segments) > 1 else ""
+    signs = " (chambers push, rods do both)" if robot.tendons.pushes.any() else ""
     gravity = ", ".join(f"{g:.4g}" for g in robot.gravity)
     lines = [f"Gravity: {gravity} m/s^2."]
     lines += [
-        f"Range: any tensions, together at most {top} in the tendons{each}, and the lengths that"
+        f"Range: any tensions{signs}, together at most {top} in the tendons{each}, and the lengths "
+        "that"
     ]
     lines += ["they give. Largest error against the rod at random loads that are not in the fit:"]
     lines += [

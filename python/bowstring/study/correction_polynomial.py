@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,6 +20,7 @@ from bowstring.display import short_repr
 from bowstring.robot.model import Robot
 from bowstring.statics import rod
 from bowstring.study.comparison import Model
+from bowstring.validity.loading import whole_share
 
 __all__ = ["TipPolynomial", "bend_fit", "tip_polynomials", "without_closed_form"]
 
@@ -56,7 +58,8 @@ class TipPolynomial:
     solved: float
     """Share of the random loads that have an equilibrium; the others are in neither."""
     top: float
-    """Largest sum of the tensions in the tendons that end at one segment, N: the range."""
+    """Largest sum of the sizes of the tensions in the tendons that end at one segment, N: the
+    range."""
 
     @property
     def degree(self) -> int:
@@ -106,8 +109,9 @@ def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPoly
     ----------
     model : Model
     top : float
-        Largest sum of the tensions in the tendons that end at one segment, N. The range ends there,
-        or at a half or a quarter of it if only then the polynomials keep within the tolerance.
+        Largest sum of the sizes of the tensions in the tendons that end at one segment, N. Tendons
+        pull, chambers push, rods do both. The range ends there, or at a half or a quarter of it if
+        only then the polynomials keep within the tolerance.
     tolerance : float
         Tolerated tip error, m. The degree is the lowest that errs by a tenth of it; if none does of
         up to 8 and of at most 250 terms a coordinate, the one with the smallest error.
@@ -128,7 +132,8 @@ def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPoly
 def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynomial, ...]:
     robot = model.robot
     of = robot.tendons.segment
-    tensions = _random_tensions(of, top)
+    signs = _signs(model)
+    tensions = _random_tensions(of, signs, top)
     found = rod.solve_batch(
         robot, tensions, load=model.main.load, model=model.main.model, disks=False
     )
@@ -145,16 +150,17 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
     angle = np.arange(_DIRECTIONS) * math.tau / _DIRECTIONS
     around = np.kron(np.eye(len(bends) // 2), np.column_stack([np.cos(angle), np.sin(angle)]))
 
-    groups = np.array([of == k for k in np.unique(of)], dtype=float)
-    not_negative, unit = -np.eye(len(of)), np.eye(len(of)) / top
+    single = [i for i, each in enumerate(signs) if len(each) == 1]
+    one_sign = np.array([-signs[i][0] * np.eye(len(of))[i] for i in single])
+    sums = np.array([each for k in np.unique(of) for each in _sums(signs, of == k)])
     fits = (
         (lengths, straight, bends / scale, around, (inputs / scale @ around.T).max(axis=0)),
         (
             tensions,
             np.zeros(len(of)),
-            unit,
-            np.vstack([not_negative, groups]),
-            np.repeat([0.0, 1.0], [len(of), len(groups)]),
+            np.eye(len(of)) / top,
+            np.vstack([one_sign.reshape(-1, len(of)), sums]),
+            np.repeat([0.0, 1.0], [len(one_sign), len(sums)]),
         ),
     )
     tips = np.asarray(found.tip_position)[good]
@@ -171,8 +177,22 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
     return tuple(out)
 
 
-def _random_tensions(of: NDArray[np.int64], top: float) -> Floats:
-    """Tensions (n, T) whose sums over each segment's tendons are at most `top`, from none."""
+def _signs(model: Model) -> list[tuple[float, ...]]:
+    """Signs that the tension of each tendon may have: chambers push, rods push and pull."""
+    robot = model.robot
+    whole = np.array(whole_share(robot))
+    both = robot.tendons.pushes & (np.maximum(whole, model.shares) > 0.0)
+    return [(1.0, -1.0) if b else (one,) for one, b in zip(whole.tolist(), both, strict=True)]
+
+
+def _sums(signs: list[tuple[float, ...]], own: NDArray[np.bool_]) -> Iterator[Floats]:
+    """Sums of sizes as rows (T,) on tensions: one for each choice of the own tendons' signs."""
+    chosen = [each if mine else (0.0,) for each, mine in zip(signs, own, strict=True)]
+    return map(np.array, itertools.product(*chosen))
+
+
+def _random_tensions(of: NDArray[np.int64], signs: list[tuple[float, ...]], top: float) -> Floats:
+    """Tensions (n, T) whose sizes over each segment's tendons sum to at most `top`, from none."""
     rng = np.random.default_rng(1)
     count = _FITTED + _HELD_OUT
     tensions = np.zeros((count, len(of)))
@@ -185,6 +205,7 @@ def _random_tensions(of: NDArray[np.int64], top: float) -> Floats:
         along = 0.5 - 0.5 * np.cos(np.pi * rng.uniform(size=alone.sum()))
         tensions[alone, rng.choice(own, alone.sum())] = top * along
     tensions[[0, -1]] = 0.0  # of the fit, and of its test
+    tensions *= np.column_stack([rng.choice(each, count) for each in signs])
     return tensions
 
 

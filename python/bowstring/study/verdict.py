@@ -190,12 +190,14 @@ def judge(
     case = model.case(model.main, fine, tuple(COMPARISONS))
     meanings = tuple(_meaning(model, name, case, fine, tolerance) for name in MEANINGS)
     fits: Sequence[TipPolynomial | None] = ()
+    of = model.robot.tendons.segment
+    load = float(np.bincount(of, np.abs(model.shares)).max())  # of the fullest segment
     arcs_serve = all(m.corrected.valid_throughout for m in meanings)
     if without_closed_form(model.robot) or not arcs_serve:
-        fits = tip_polynomials(model, max_tension, tolerance * model.length)
+        fits = tip_polynomials(model, load * max_tension, tolerance * model.length)
     with_fits = zip(meanings, fits or [None] * len(meanings), strict=True)
     meanings = tuple(replace(m, polynomial=fit) for m, fit in with_fits)
-    meanings = tuple(replace(m, answer=_answer(m, max_tension)) for m in meanings)
+    meanings = tuple(replace(m, answer=_answer(m, max_tension, load)) for m in meanings)
     return Verdict(
         tolerance=tolerance,
         tolerance_length=tolerance * model.length,
@@ -326,7 +328,7 @@ def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
 # -- in words ----------------------------------------------------------------------------------
 
 
-def _answer(m: Meaning, top: float) -> str:
+def _answer(m: Meaning, top: float, load: float) -> str:
     """Whether constant curvature is good enough, in one sentence."""
     source = {"cc_from_lengths": "From true tendon lengths", "cc_from_force": "From force"}[m.name]
     if not math.isfinite(m.max_error):
@@ -341,10 +343,10 @@ def _answer(m: Meaning, top: float) -> str:
         named = [s for s in m.shares if s.share > 0.5 * cause.share]
         words += f", {part} {listed([EFFECTS[s.effect].because for s in named])}"
     fit = m.polynomial
-    if fit is not None and fit.top > (m.valid_to or 0.0):
-        yes = "yes, " if fit.top == top else ""
-        error = in_mm(fit.max_error)
-        words += f"; by a polynomial: {yes}up to {significant(fit.top)} N (largest error {error})"
+    if fit is not None and fit.top / load > (m.valid_to or 0.0):
+        end, error = fit.top / load, in_mm(fit.max_error)
+        yes = "yes, " if math.isclose(end, top) else ""
+        words += f"; by a polynomial: {yes}up to {significant(end)} N (largest error {error})"
     elif m.corrected_reaches_farther:
         words += f"; corrected: {_how_far(m.corrected, top)}"
     elif not m.corrected.undecided and m.corrected.max_error < 0.9 * m.max_error:

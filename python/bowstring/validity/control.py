@@ -26,6 +26,7 @@ from bowstring.validity.control_commands import (
     COMMANDS,
     SCALES,
     Commander,
+    drawn_tensions,
     prepared,
     sobol_points,
 )
@@ -357,7 +358,8 @@ def control_errors(
     whole("corrections", corrections, 0, 20)
     tolerance = share_of_length("tolerance", tolerance, robot.length)
     robot, load, model, most = prepared(robot, load, model, max_tension)
-    chosen = _chosen(Commander(robot, load, model, np.zeros(len(most)), most), commands)
+    least = np.where(robot.tendons.pushes, -most, 0.0)
+    chosen = _chosen(Commander(robot, load, model, least, most), commands)
     notify = progress or (lambda what, done: None)
     shares = np.array(_SHARES if _is_loaded(robot, load) else ())
     rounds = 1.0 + len(shares)
@@ -367,7 +369,7 @@ def control_errors(
         def tell(what: str, done: float) -> None:
             notify(what, (begin + done) / rounds)
 
-        commander = Commander(robot, part, model, np.zeros(len(most)), most)
+        commander = Commander(robot, part, model, least, most)
         return _landed(commander, count, chosen, times, tell)
 
     whole_load = at(load, poses, corrections, 0.0)
@@ -420,7 +422,8 @@ def _landed(
     notify: Callable[[str, float], None],
 ) -> _Landed:
     robot, load, model = commander.robot, commander.load, commander.model
-    tensions = commander.most * sobol_points(len(commander.most), poses)
+    points = sobol_points(len(commander.most), poses)
+    tensions = drawn_tensions(robot, commander.most, points)
     drawn = solve_batch(robot, tensions, load=load, model=model, disks=False)
     wanted = drawn.tip_position[drawn.converged]
     landed: dict[str, Floats] = {}

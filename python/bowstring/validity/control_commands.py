@@ -24,6 +24,7 @@ from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.rod import solve, solve_batch
 from bowstring.validation import instance, read
+from bowstring.validity.loading import whole_share
 
 __all__ = [
     "BY_ARCS",
@@ -31,6 +32,7 @@ __all__ = [
     "SCALES",
     "Commander",
     "check_some_solved",
+    "drawn_tensions",
     "largest_tensions",
     "prepared",
     "sobol_points",
@@ -284,6 +286,17 @@ def sobol_points(tendons: int, count: int) -> Floats:
     return np.asarray(points[:count])
 
 
+def drawn_tensions(robot: Robot, most: Floats, points: Floats) -> Floats:
+    """Tensions (n, T) up to `most` (T,) at points (n, T) of the unit cube, N; zero at zero.
+
+    Tendons pull, chambers push, and rods pull in the first half of the cube and push in the second.
+    """
+    whole = np.array(whole_share(robot))
+    both = np.where(points <= 0.5, 2.0 * points, 1.0 - 2.0 * points)
+    shares = np.where(robot.tendons.pushes & (whole > 0.0), both, whole * points)
+    return np.asarray(most * shares)
+
+
 def check_some_solved(robot: Robot, most: Floats, load: Load, model: RodModel) -> None:
     """Refuse largest tensions up to which a few poses have no equilibrium, before many are solved.
 
@@ -305,7 +318,8 @@ def check_some_solved(robot: Robot, most: Floats, load: Load, model: RodModel) -
         If they are too large: the pose without tension has an equilibrium, and no other.
     """
     points = sobol_points(len(most), _TRIED)
-    found = solve_batch(robot, most * points, load=load, model=model, disks=False).converged
+    tensions = drawn_tensions(robot, most, points)
+    found = solve_batch(robot, tensions, load=load, model=model, disks=False).converged
     if found[0] and not found[1:].any():
         half_turn = float(default_max_tension(robot).max())
         raise InputError(

@@ -21,7 +21,7 @@ from bowstring.statics.equilibria import columns, differentiable
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch
 from bowstring.validation import floats, row, share_of_length, whole
-from bowstring.validity.control_commands import prepared, sobol_points
+from bowstring.validity.control_commands import drawn_tensions, prepared, sobol_points
 from bowstring.validity.dead_loads import gravity_of
 from bowstring.viz.style import check_figure_file, write_figure
 
@@ -207,8 +207,9 @@ def reach(
 ) -> Reach:
     """Find where the tip can be under tension limits, and how it moves, yields and carries there.
 
-    Poses are drawn between zero and the largest tensions, half of them with most tendons at a
-    limit, so that the boundary shows. Constant curvature stands beside physics.
+    Poses are drawn between zero and the largest tensions (chambers push, rods do both), half
+    of them with most tendons at a limit, so that the boundary shows. Constant curvature stands
+    beside physics.
 
     Parameters
     ----------
@@ -268,7 +269,7 @@ def reach(
     direction = _direction(robot, load, payload_direction)
     notify = progress or (lambda what, done: None)
     notify("poses", 0.0)
-    tensions = most * _drawn(len(most), poses)
+    tensions = drawn_tensions(robot, most, _drawn(len(most), poses))
     arcs = RobotArcs.from_tensions(robot, tensions)  # refuses tensions that are far too large
     found = solve_batch(robot, tensions, load=load, model=model, disks=False)
     tip = np.where(found.converged[:, None], found.tip_position, np.nan)

@@ -22,7 +22,7 @@ from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.validation import choice, share_of_length, whole
 from bowstring.validity.causes import main_cause
-from bowstring.validity.control_commands import prepared, sobol_points
+from bowstring.validity.control_commands import drawn_tensions, prepared, sobol_points
 from bowstring.validity.design_space import COUPLED
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
@@ -282,7 +282,7 @@ def workspace_map(
         choice("models", name, list(LAWS))
     robot, load, model, most = prepared(robot, load, model, max_tension)
     tendons = len(most)
-    tensions = most * sobol_points(tendons, poses)
+    tensions = drawn_tensions(robot, most, sobol_points(tendons, poses))
     one = Designs(robot, {"segments.0.length": [robot.segments[0].length]})
     rods = Rods(one, model, load)
     effects = acting(rods)
@@ -319,7 +319,7 @@ def workspace_map(
                 error[name][at] / least, {k: v / least for k, v in rest_of.items()}
             )
         # paths from the largest tension of each tendon alone
-        for i, start in enumerate(np.diag(most)):
+        for i, start in enumerate(drawn_tensions(robot, most, np.eye(tendons))):
             report("second equilibria", len(effects) + 1 + i)
             two[at] |= _ends_elsewhere(rods, start, tensions[at], tip[at])
     notify("poses", 1.0)
