@@ -320,7 +320,7 @@ def _unloaded(motion: _Motion) -> tuple[str, str]:
 
 
 def likely_zeros(tensions: Floats, robot: Robot) -> Floats:
-    """Readings (T,) of tensions (K, T) without load; NaN where there is none, or a tendon pushes."""
+    """Readings (T,) of tensions (K, T) without load; NaN without one, and for what pushes."""
     found = [likely_zero(column) for column in tensions.T]
     return np.where(robot.tendons.pushes, np.nan, found)
 
