@@ -86,6 +86,23 @@ def test_a_calibrated_backlash_is_crossed(robot: Robot) -> None:
     assert np.median(got.distance) <= 1e-5 * robot.length
 
 
+def test_the_zeros_of_load_cells_are_in_the_commands() -> None:
+    """Commands are readings: 0.5 N above the tension, so that no tension is below zero."""
+    robot = bs.load_robot("amouri2019")
+    turn = np.linspace(0.0, 6.0 * np.pi, 60)[:, None] - 2.0 * np.pi * np.arange(3) / 3
+    tensions = np.maximum((3.0 + np.sin(turn[:, :1] / 3)) * np.cos(turn), 0.0)
+    tips = bs.sweep(robot, tensions).tip_position
+    tips = tips + 1e-4 * np.sin(turn)
+    data = Data(points=tips, tensions=tensions + 0.5)
+    found = fit(robot, data, ["offset"])
+    assert found.values["offset"] == pytest.approx(-0.5, abs=0.05)
+    residual = fit_residual(found, data)
+    wanted = residual.correct(bs.Load(tensions[20:26] + 0.5)).point
+    got = inverse_with_residual(residual, wanted)
+    assert got.reached.mean() > 0.5
+    assert got.commands.min() == pytest.approx(-found.values["offset"], abs=1e-6)
+
+
 def test_points_out_of_reach_and_beyond_the_data_say_so(robot: Robot, residual: Residual) -> None:
     far = inverse_with_residual(residual, BASE + np.array([0.0, 0.0, 2.0 * robot.length]))
     assert far.status == ("unreachable",)

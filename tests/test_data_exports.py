@@ -464,3 +464,22 @@ def test_an_export_is_read_by_its_draft(
     if file.time is not None:
         assert found.time is not None, text
         np.testing.assert_allclose(np.diff(found.time), file.time, atol=2e-5)
+
+
+def test_tendons_are_drafted_in_the_order_of_their_numbers(motion: Motion, tmp_path: Path) -> None:
+    """Programs write columns in the order of the alphabet, 10 before 2."""
+    order = (2, 0, 1)
+    header = ",".join([f"Force {9 + k} [N]" for k in order] + [f"Tip {c} [mm]" for c in "xyz"])
+    rows = [(*f[list(order)], *(1e3 * p)) for p, f in zip(motion.tip, motion.tensions, strict=True)]
+    file = tmp_path / "log.csv"
+    file.write_text(_table(header, rows))
+    with pytest.raises(InputError, match=r'"Force 9 \[N\]", "Force 10 \[N\]", "Force 11 \[N\]"'):
+        read_measurements(file)
+
+
+def test_a_line_of_rates_without_its_values_is_no_error_of_the_draft(tmp_path: Path) -> None:
+    file = tmp_path / "log.trc"
+    rows = "".join(f"{i}\t{2 * i}\t{3 * i}\n" for i in range(9))
+    file.write_text(f"PathFileType\t4\tDataRate\nlog\na\tb\tc\n{rows}")
+    with pytest.raises(InputError, match="say what the columns are in a mapping file"):
+        read_measurements(file)

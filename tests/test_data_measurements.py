@@ -992,6 +992,28 @@ def test_spikes_and_saturated_sensors_are_named(file: Write, shell: Shell) -> No
     assert (2, "tension_3_N is 0.25 in all rows: was it measured?") in issues
 
 
+def test_a_robot_that_is_held_has_no_saturated_sensor_and_a_pulse_no_spike(file: Write) -> None:
+    """Ramp and hold of 1000 rows with noise of the tip; a pulse of displacements in 15 of 1000."""
+    noise = np.random.default_rng(5).normal(0.0, 2e-3, (1000, 3))
+    tail = "tip_x_mm,tip_y_mm,tip_z_mm"
+    load = np.interp(np.arange(1000), [0, 400, 600, 1000], [0, 10, 10, 0.01])
+    rows = [
+        f"{v:.4f},0,{3 * v + a:.4f},{b:.4f},{90 - v + c:.4f}"
+        for v, (a, b, c) in zip(load, noise, strict=True)
+    ]
+    ramp = read_measurements(file("\n".join([f"tension_1_N,tension_2_N,{tail}", *rows])))
+    assert ramp.faults == () and len(ramp) == 1000
+    load = np.where((np.arange(1000) >= 500) & (np.arange(1000) < 515), 5.0, 0.0)
+    rows = [
+        f"{v + b:.4f},{-v + c:.4f},{9 * v + a:.4f},{b:.4f},{90 - v + c:.4f}"
+        for v, (a, b, c) in zip(load, noise, strict=True)
+    ]
+    pulse = read_measurements(
+        file("\n".join([f"displacement_1_mm,displacement_2_mm,{tail}", *rows]))
+    )
+    assert pulse.faults == () and len(pulse) == 1000
+
+
 def test_the_likely_zero_of_load_cells_is_named(file: Write) -> None:
     found = read_measurements(file(load_cells([1.3, -0.4, 0.7], 0.005)))
     assert found.is_biased and [name for name, _ in found.likely_zeros] == [

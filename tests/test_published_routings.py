@@ -199,6 +199,7 @@ def solved(routing: Routing, tensions: Array, disks: int, *, continuous: bool) -
             tendons=SimpleNamespace(
                 holes_m=holes,
                 end_disk=np.repeat(each * (of_segments + 1) - 1, routing.per_segment),
+                pushes=np.zeros(len(holes), bool),
             ),
             sections=np.tile(np.array(section, float), (segments, 1, 1)),
             section_stiffness=np.full((segments, 6, 6), np.nan),

@@ -14,7 +14,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
 import bowstring as bs
+from bowstring.calibration.table_fit import calibrate
 from bowstring.constant_curvature import RobotArcs
+from bowstring.data.measurements import read_measurements
 from bowstring.dynamics import ramp
 from bowstring.errors import InputError
 from shell import Shell
@@ -352,3 +354,31 @@ def test_pressures_are_commands(shell: Shell, tmp_path: Path, chambers: bs.Robot
     assert np.isnan(no_area.tendons.area_m2).all()
     refused = shell.error("solve", file, "--pressure", "12 kPa,0,0")
     assert "--pressure: tendon 1 of robot has no area" in refused
+
+
+def test_a_fit_takes_tensions_of_rods_with_their_sign(rods: bs.Robot, tmp_path: Path) -> None:
+    """E is found although each rod pushes in half the rows; offsets begin at zero."""
+    phase = 2.0 * math.pi * np.arange(12) / 12
+    pull, push = 1.5 * np.sin(phase), np.sin(2.0 * phase)
+    tensions = np.stack([pull, push, -pull, -push], axis=1)
+    tips = [1e3 * bs.solve(rods, row).tip.position for row in tensions]
+    rows = np.hstack([tensions, tips]).tolist()
+    header = "tension_1_N,tension_2_N,tension_3_N,tension_4_N,tip_x_mm,tip_y_mm,tip_z_mm"
+    file = tmp_path / "rods.csv"
+    file.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    data = read_measurements(file, rods)
+    young = "segments.0.backbone.E"
+    assert calibrate(rods, data, [young]).fit.values[young] == pytest.approx(58e9, rel=1e-5)
+    found = calibrate(rods, data, [young, "offset.tendons"], priors={"offset": 0.01})
+    assert found.tendons.found == "as_stated" and "leaves 0 %" in found.tendons.sentence
+    assert max(abs(v) for k, v in found.fit.values.items() if k != young) < 1e-3
+    rested = [row[:4] for row in (0.05 * np.array([[1], [-1], [0]]) * np.ones(4)).tolist()]
+    at_rest = bs.solve(rods, np.zeros(4)).tip.position * 1e3
+    rows = [[*row, *at_rest] for row in rested] + rows
+    text = "\n".join(["# zero: rows 1-3", header, *(",".join(map(str, row)) for row in rows)])
+    file.write_text(text + "\n")
+    data = read_measurements(file, rods)
+    assert data.zero_error is not None and data.zero_error.all()
+    assert calibrate(rods, data, [young]).fit.values[young] == pytest.approx(58e9, rel=1e-3)
+    with pytest.raises(InputError, match=r"priors is 'weak'"):
+        calibrate(rods, data, [young], priors="weak")  # type: ignore[arg-type]

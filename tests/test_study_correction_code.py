@@ -39,6 +39,10 @@ FITTED = {
     "upright": {"gravity": "0 0 -9.81 m/s^2"},
     "lying": {"gravity": "9.81 0 0 m/s^2"},
     "bent without load": {"segments.0.backbone.rest_bend": "40 deg", "gravity": "0 0 0"},
+    "opposite pair in gravity": {
+        "segments.0.tendons": {"count": 2, "pitch_radius": "29 mm"},
+        "gravity": "0 0 -9.81 m/s^2",
+    },
     "one tendon": {"segments.0.tendons.count": 1, "gravity": "0 0 0"},
 }
 
@@ -133,14 +137,17 @@ def test_polynomials_refuse_what_is_outside_their_range(fitted: Found) -> None:
     study, _, lengths = fitted
     made, top = _python(study), study.settings.max_tension
     wrong = [[-0.1], [1.1 * top], [float("nan")]]
-    if len(lengths[0]) == 3:
-        wrong = [[each[0], 1.0, 1.0] for each in wrong] + [[0.5 * top, 0.3 * top, 0.3 * top]]
+    if more := len(lengths[0]) - 1:
+        wrong = [each + more * [1.0] for each in wrong] + [[0.5 * top] + more * [0.6 * top / more]]
     for row in wrong:
         with pytest.raises(ValueError, match="outside the range"):
             made["tip_from_tensions"](row)
     with pytest.raises(ValueError, match="outside the range"):
         made["tip_from_lengths"]([*lengths[1][:-1].tolist(), lengths[1][-1] + 0.3])
     assert np.isnan(study.verdict.polynomials[1].tip(np.array(wrong))).all()
+    if more:  # no backbone shortens so much; one tendon alone may bend it
+        with pytest.raises(ValueError, match="outside the range"):
+            made["tip_from_lengths"]((lengths[1] - 0.03 * study.robot.length).tolist())
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")

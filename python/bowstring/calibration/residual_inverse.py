@@ -170,7 +170,11 @@ def _commands(found: InverseSolution, setting: Setting, by_displacement: Bools) 
     if displacements is None:
         displacements = np.full_like(found.tensions, np.nan)
     moved = (displacements - setting.offset) / setting.gain
-    return np.where(by_displacement, moved, found.tensions / setting.tension_gain)
+    readings = found.tensions
+    if not by_displacement.any():  # offsets of tensions are known there alone
+        readings = readings - setting.tension_offset
+    readings = np.maximum(readings / setting.tension_gain, setting.robot.tendons.least_tension_N)
+    return np.where(by_displacement, moved, readings)
 
 
 def _corrected(residual: Residual, commands: Floats, solved: Bools) -> Corrected:

@@ -26,13 +26,13 @@ from bowstring.calibration.filtering import (
 )
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Score, score
+from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.prediction import Predicted, predict_with_interval
-from bowstring.calibration.priors import PriorChoice, default_priors
-from bowstring.data import channels
+from bowstring.calibration.priors import PriorChoice, read_priors
 from bowstring.data.columns import Source
 from bowstring.data.measurements import Measurements
-from bowstring.data.tendon_check import Found, TendonCheck, check_tendons
+from bowstring.data.tendon_check import Found, TendonCheck, check_tendons, likely_zeros
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.json_files import Content, read_json, structured
@@ -446,18 +446,20 @@ def calibrate(
         rows = points.seen.any(axis=1) & (np.cumsum(out) == 0)  # the last rows are held out
     notify("fit", 0.0)
     zero_is_fitted = any(name.partition(".")[0] == "offset" for name in parameters)
+    by_tension = observations.commands(data, robot).are_tensions
     order = check_tendons(
         robot, data, zero_is_fitted=zero_is_fitted, delay_is_fitted="delay" in parameters
     )
     begin = dict(start or {})
-    if zero_is_fitted and not np.isnan(data.tensions).any():
-        begin = _likely_offsets(data, parameters) | begin
+    if zero_is_fitted and by_tension:
+        begin = _likely_offsets(robot, data, parameters) | begin
     rows_of_fit = data
-    if not zero_is_fitted and data.zero_error is not None and data.zero_error.any():
-        parameters, priors = _with_zeros(robot, data.zero_error, parameters, priors)
+    of_zeros = data.zero_error
+    if by_tension and not zero_is_fitted and of_zeros is not None and of_zeros.any():
+        parameters, priors = _with_zeros(robot, of_zeros, parameters, priors)
         # no error of the zero loads a tendon that has no load
-        without = -_UNLOADED * data.zero_error
-        loads = np.where(data.tensions == 0.0, without, data.tensions)
+        is_unloaded = (data.tensions == 0.0) & ~robot.tendons.pushes
+        loads = np.where(is_unloaded, -_UNLOADED * of_zeros, data.tensions)
         rows_of_fit = replace(data, tensions=loads)
     try:
         found = fit(
@@ -509,13 +511,15 @@ def calibrate(
     )
 
 
-def _likely_offsets(data: Measurements, parameters: Sequence[str]) -> dict[str, float]:
+def _likely_offsets(
+    robot: Robot, data: Measurements, parameters: Sequence[str]
+) -> dict[str, float]:
     """Initial values of fitted offsets, by the likely zeros of the tensions."""
     names = [f"offset.tendons.{k}" for k in range(data.tendon_count)]
-    zeros = [channels.likely_zero(column) for column in data.tensions.T]
+    zeros = likely_zeros(data.tensions, robot)
     return {
         name: -zero
-        for name, zero in zip(names, zeros, strict=True)
+        for name, zero in zip(names, zeros.tolist(), strict=True)
         if np.isfinite(zero) and {name, "offset.tendons"} & set(parameters)
     }
 
@@ -525,9 +529,8 @@ def _with_zeros(
 ) -> tuple[list[str], PriorChoice]:
     """Parameters and priors with an offset for each zero of a tension that has an error (T,)."""
     zeros = {f"offset.tendons.{k}": float(error[k]) for k in np.flatnonzero(error)}
-    if isinstance(priors, str):
-        priors = default_priors(robot, parameters, by_tension=True)
-    return [*parameters, *zeros], {**(priors or {}), **zeros}
+    known = read_priors(priors, robot, Unknowns(robot, parameters, by_tension=True))
+    return [*parameters, *zeros], {**known, **zeros}
 
 
 def _judged(found: Fit, data: Measurements) -> tuple[Score, Predicted | None]:

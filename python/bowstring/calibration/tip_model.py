@@ -77,7 +77,8 @@ class Commands:
     def effective(self, setting: Setting) -> Floats:
         """Displacements and tensions (K, T) after delay, backlash, gain and offset.
 
-        Tensions below zero, as of noise and of a load cell with another zero, are zero.
+        Tensions below zero, as of noise and of a load cell with another zero, are zero where a
+        tendon cannot push.
         """
         values = self.values
         if setting.delay:
@@ -98,8 +99,7 @@ class Commands:
         tensions = values * setting.tension_gain
         if self.are_tensions:
             tensions = tensions + setting.tension_offset
-            pulls = ~setting.robot.tendons.pushes
-            tensions[..., pulls] = np.maximum(tensions[..., pulls], 0.0)
+        tensions = np.maximum(tensions, setting.robot.tendons.least_tension_N)
         out: Floats = np.where(self.by_displacement, moved, tensions)
         return out
 
@@ -349,7 +349,6 @@ class TipModel:
     def _rod(self, rod: RodModel, setting: Setting, given: Floats, keep: bool) -> Prediction:
         robot = setting.robot
         by_displacement = self.commands.by_displacement
-        given = np.where(by_displacement, given, np.maximum(given, 0.0))
         continuous = robot.is_embedded or rod.tendon_path == "continuous"
         if continuous and not by_displacement.any() and not robot.has_memory:
             return self._by_tensions(rod, setting, given)

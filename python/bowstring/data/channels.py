@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import listed, significant
 
-__all__ = ["advice", "likely_zero", "noise_about_zero", "saturated", "spikes"]
+__all__ = ["advice", "likely_zero", "noise_about_zero", "rest", "saturated", "spikes"]
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +28,7 @@ _OFTEN: Final = 0.02  # share of rows above which readings are no spikes
 _TWO: Final = 20  # rows from which two readings may be spikes
 _FAR: Final = 3.0  # distance of a spike over the range of the others
 _RUN: Final = 5  # rows
+_STILL: Final = 0.05  # share of its range within which a robot rests
 _DISTINCT: Final = 0.8  # share of different readings of a sensor; commands repeat
 _SAMPLE: Final = 1_000  # readings that tell whether they repeat
 
@@ -70,7 +71,10 @@ def _few_of(count: int) -> int:
 
 
 def spikes(readings: Floats) -> NDArray[np.int64]:
-    """Rows of the few readings that lie several times the range of the others away from them."""
+    """Rows of the few readings that lie several times the range of the others away from them.
+
+    Many in a row are a pulse.
+    """
     if len(readings) <= _FEW + 1:
         return np.empty(0, np.int64)
     some = np.sort(readings[:: max(1, len(readings) // _SAMPLE)])
@@ -84,7 +88,9 @@ def spikes(readings: Floats) -> NDArray[np.int64]:
     if len(np.unique(rest[:_SAMPLE])) <= _FEW:  # a tendon that is seldom loaded
         return np.empty(0, np.int64)
     low, high = rest.min(), rest.max()
-    return np.flatnonzero(np.maximum(low - readings, readings - high) > _FAR * (high - low))
+    rows = np.flatnonzero(np.maximum(low - readings, readings - high) > _FAR * (high - low))
+    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    return np.concatenate([run for run in runs if len(run) < _RUN] or [rows[:0]])
 
 
 def saturated(readings: Floats) -> tuple[int, int] | None:
@@ -99,6 +105,20 @@ def saturated(readings: Floats) -> tuple[int, int] | None:
         if lengths.max() >= _RUN and len(np.unique(others)) > max(_DISTINCT * len(others), _FEW):
             return int(starts[lengths.argmax()]), int(lengths.max())
     return None
+
+
+def rest(channels: Sequence[Floats], first: int, count: int) -> bool:
+    """Whether no channel of a kind moves in a run of rows, as where a robot is held.
+
+    The measure is the largest range, because others may be noise alone.
+    """
+    in_run = max(_range(each[first : first + count]) for each in channels)
+    return in_run <= _STILL * max(map(_range, channels))
+
+
+def _range(readings: Floats) -> float:
+    seen = readings[np.isfinite(readings)]
+    return float(np.ptp(seen)) if len(seen) else 0.0
 
 
 def advice(zeros: Sequence[tuple[str, float]]) -> str:

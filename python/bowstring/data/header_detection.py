@@ -237,6 +237,8 @@ def _rate(lines: Sequence[str], rows: Sequence[Cells]) -> float | None:
         if len(list(filter(None, cells))) == 1 and cell_number(cells[0]) > 0:
             return cell_number(cells[0])  # Vicon: a number alone, below the title
         if "DataRate" in cells and i + 1 < len(rows):  # TRC: the values in the line below
-            return cell_number(rows[i + 1][cells.index("DataRate")])
+            below = dict(zip(cells, rows[i + 1], strict=False))
+            rate = cell_number(below.get("DataRate", ""))
+            return rate if rate > 0 else None
     match = next(filter(None, map(_RATE.search, lines)), None)
     return float(match[1]) if match and float(match[1]) > 0 else None

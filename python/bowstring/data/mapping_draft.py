@@ -738,12 +738,12 @@ def _number(name: str) -> tuple[str, int | None]:
 
 
 def _families(columns: Sequence[_Column]) -> dict[str, list[tuple[int, _Column]]]:
-    """Columns whose names differ in their last number only, in the order of the table."""
+    """Columns whose names differ in their last number only, in the order of these numbers."""
     out: dict[str, list[tuple[int, _Column]]] = defaultdict(list)
     for column in columns:
         stem, number = _number(column.name)
         out[stem].append((number or 0, column))
-    return out
+    return {stem: sorted(each, key=lambda item: item[0]) for stem, each in out.items()}
 
 
 def _sums_to_zero(values: Floats) -> bool:

@@ -737,6 +737,9 @@ class _Reader:
             for p, point in enumerate(layout.points)
             for axis, column in enumerate(point)
         ]
+        alike = [
+            [each for _, kind, each in found if kind == of] for of in {kind for _, kind, _ in found}
+        ]
         for column, kind, values in found:
             seen = np.isfinite(values)
             if column.constant is not None or column.part != "all" or not seen.any():
@@ -762,7 +765,8 @@ class _Reader:
                     good[np.flatnonzero(seen)[rows]] = False
                     cure = "the row is left out."
                 self.faults.append(f"In line {line} {text}{more} far from all other rows: {cure}")
-            if kind != "displacement" and (run := channels.saturated(readings)):
+            run = None if kind == "displacement" else channels.saturated(readings)
+            if run and not all(channels.rest([v[seen] for v in each], *run) for each in alike):
                 begin, count = run
                 value = column.reading(float(readings[begin]))
                 line = int(seen_lines[begin])

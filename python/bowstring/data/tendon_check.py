@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
 
-__all__ = ["Found", "TendonCheck", "check_tendons", "wound_by_tensions"]
+__all__ = ["Found", "TendonCheck", "check_tendons", "likely_zeros", "wound_by_tensions"]
 
 Floats = NDArray[np.float64]
 Found = Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"]
@@ -149,9 +149,10 @@ def check_tendons(
     check_is_read(measurements)
     if 0 < measurements.without_tip < len(measurements):
         measurements = measurements.select(measurements.seen)
-    if zero_is_fitted and not np.isnan(measurements.tensions).any():
-        zeros = [np.nan_to_num(likely_zero(column)) for column in measurements.tensions.T]
-        loads = np.maximum(measurements.tensions - zeros, 0.0)
+    is_whole = measurements.tendon_count == len(robot.tendons.pushes)
+    if zero_is_fitted and is_whole and not np.isnan(measurements.tensions).any():
+        zeros = np.nan_to_num(likely_zeros(measurements.tensions, robot))
+        loads = np.maximum(measurements.tensions - zeros, robot.tendons.least_tension_N)
         measurements = replace(measurements, tensions=loads)
     problem, motion = _motion(robot, measurements)
     if problem and motion is not None and (doubt := _doubted_size(motion)):
@@ -392,7 +393,7 @@ def _unloaded(motion: _Motion) -> tuple[str, str]:
     span = np.ptp(m.tensions, axis=0)
     if motion.by_displacement or not span.any():
         return "", ""
-    zeros = np.array([likely_zero(column) for column in m.tensions.T])
+    zeros = likely_zeros(m.tensions, motion.robot)
     is_shifted = (np.abs(zeros) > _ABOVE * span) & (span > 0.0)
     if not is_shifted.any():
         return "", ""
@@ -417,6 +418,12 @@ def _unloaded(motion: _Motion) -> tuple[str, str]:
             f"load cells have another zero.{_named_zeros(m, zeros)}"
         )
     return "", ""
+
+
+def likely_zeros(tensions: Floats, robot: Robot) -> Floats:
+    """Readings (T,) of tensions (K, T) without load; NaN without one, and for what pushes."""
+    found = [likely_zero(column) for column in tensions.T]
+    return np.where(robot.tendons.pushes, np.nan, found)
 
 
 def _named_zeros(m: Measurements, si: Floats) -> str:

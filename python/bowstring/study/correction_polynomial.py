@@ -33,6 +33,7 @@ _HIGHEST: Final = 8  # degree
 _FEWEST: Final = 0.5  # share of the loads with an equilibrium
 _RANGES: Final = (1.0, 0.5, 0.25)  # of the largest tension, until an error is tolerated
 _ENOUGH: Final = 0.1  # share of the tolerance below which a higher degree gains nothing
+_SLACK: Final = 0.01  # of the length, by which mean tendon lengths may differ from those of the fit
 _DIRECTIONS: Final = 12  # in which the bends of a segment are bounded
 
 
@@ -144,19 +145,31 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
     lengths, tensions = np.asarray(found.tendon_lengths)[good], tensions[good]
 
     straight = np.cumsum([s.length for s in robot.segments])[of]
-    bends = _segment_bends(robot)
+    bends, means = _segment_fits(robot)
+    for k in range(0, len(bends), 2):  # of tendons in one plane only the first axis bends
+        along = (lengths - straight) @ bends[k : k + 2].T
+        bends[k : k + 2] = np.linalg.svd(along - along.mean(axis=0))[2] @ bends[k : k + 2]
     inputs = (lengths - straight) @ bends.T
     scale = np.abs(inputs).max()
+    # beside its bends each segment has a mean length, which only bounds the range
+    by_length = np.vstack([bends / scale, means / (_SLACK * robot.length)])
     angle = np.arange(_DIRECTIONS) * math.tau / _DIRECTIONS
-    around = np.kron(np.eye(len(bends) // 2), np.column_stack([np.cos(angle), np.sin(angle)]))
+    around = np.kron(np.eye(len(means)), np.column_stack([np.cos(angle), np.sin(angle)]))
+    both = np.vstack([np.eye(len(means)), -np.eye(len(means))])
+    around = scipy.linalg.block_diag(around, both)
+    bounds = ((lengths - straight) @ by_length.T @ around.T).max(axis=0)
+    bounds[-len(both) :] += 1.0
+    varied = np.zeros(len(by_length), bool)
+    varied[: len(bends)] = np.ptp(inputs, axis=0) > 1e-9 * scale
 
     single = [i for i, each in enumerate(signs) if len(each) == 1]
     one_sign = np.array([-signs[i][0] * np.eye(len(of))[i] for i in single])
     sums = np.array([each for k in np.unique(of) for each in _sums(signs, of == k)])
     fits = (
-        (lengths, straight, bends / scale, around, (inputs / scale @ around.T).max(axis=0)),
+        (lengths, varied, straight, by_length, around, bounds),
         (
             tensions,
+            np.ones(len(of), bool),
             np.zeros(len(of)),
             np.eye(len(of)) / top,
             np.vstack([one_sign.reshape(-1, len(of)), sums]),
@@ -165,9 +178,9 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
     )
     tips = np.asarray(found.tip_position)[good]
     out = []
-    for commands, offset, weights, sides, limits in fits:
+    for commands, varied, offset, weights, sides, limits in fits:
         terms, coefficients, error = _fit(
-            (commands - offset) @ weights.T, tips, held_out, _ENOUGH * tolerance
+            (commands - offset) @ weights.T, varied, tips, held_out, _ENOUGH * tolerance
         )
         out.append(
             TipPolynomial(
@@ -209,29 +222,37 @@ def _random_tensions(of: NDArray[np.int64], signs: list[tuple[float, ...]], top:
     return tensions
 
 
-def _segment_bends(robot: Robot) -> Floats:
-    """Bends (2 S, T) of the segments per tendon length, as arcs without correction have them."""
+def _segment_fits(robot: Robot) -> tuple[Floats, Floats]:
+    """Bends (2 S, T) and mean lengths (S, T) of the segments per tendon length.
+
+    They are those of arcs without correction, of the segments in which tendons end.
+    """
     of = robot.tendons.segment
-    rest, rows = np.eye(len(of)), []
+    rest, bends, means = np.eye(len(of)), [], []
     for k, holes in enumerate(robot.tendons.mean_hole_m):
         own, further = of == k, of > k
         if not own.any():
             continue
         mean, *bend = bend_fit(holes[own]) @ rest[own]
         rest[further] -= mean - holes[further] @ np.array(bend)
-        rows += bend
-    return np.array(rows)
+        bends += bend
+        means.append(mean)
+    return np.array(bends), np.array(means)
 
 
 def _fit(
-    inputs: Floats, tips: Floats, held_out: NDArray[np.bool_], enough: float
+    inputs: Floats,
+    varied: NDArray[np.bool_],
+    tips: Floats,
+    held_out: NDArray[np.bool_],
+    enough: float,
 ) -> tuple[NDArray[np.int64], Floats, float]:
     """Exponents, coefficients and largest error of the lowest degree that is good enough."""
     best: tuple[NDArray[np.int64], Floats, float] | None = None
     for degree in range(1, _HIGHEST + 1):
-        if best and math.comb(inputs.shape[1] + degree, degree) > _MOST_TERMS:
+        if best and math.comb(varied.sum() + degree, degree) > _MOST_TERMS:
             break
-        exponents = _exponents(inputs.shape[1], degree)
+        exponents = _exponents(varied, degree)
         terms = _terms(inputs, exponents)
         coefficients = scipy.linalg.lstsq(
             terms[~held_out], tips[~held_out], 1e-12, check_finite=False, lapack_driver="gelsy"
@@ -246,10 +267,14 @@ def _fit(
     return best
 
 
-def _exponents(inputs: int, degree: int) -> NDArray[np.int64]:
-    """Powers (n, inputs) of all terms up to a degree."""
-    chosen = itertools.combinations_with_replacement(range(inputs + 1), degree)
-    return np.array([np.bincount(c, minlength=inputs + 1)[:inputs] for c in chosen])
+def _exponents(varied: NDArray[np.bool_], degree: int) -> NDArray[np.int64]:
+    """Powers (n, q) of all terms of the varied inputs (q,) up to a degree."""
+    count = varied.sum()
+    chosen = itertools.combinations_with_replacement(range(count + 1), degree)
+    out = [np.bincount(c, minlength=count + 1)[:count] for c in chosen]
+    exponents = np.zeros((len(out), len(varied)), np.int64)
+    exponents[:, varied] = out
+    return exponents
 
 
 def _terms(inputs: Floats, exponents: NDArray[np.int64]) -> Floats:

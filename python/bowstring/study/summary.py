@@ -213,6 +213,8 @@ def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
 
 
 def _actuation(study: Study) -> Iterator[tuple[str, str]]:
+    if study.robot.tendons.pushes.any():  # the assumed friction and cables are those of tendons
+        return
     actuation = study.budget.actuation
     of_memories = tuple(key for key in MEMORIES if key != "friction")
     rows = [row for row in actuation.rows if not row.effect.startswith(of_memories)]

@@ -98,8 +98,8 @@ class Meaning(Range):
     corrected: Annotated[Range, Key()]
     """The same with the correction in closed form."""
     polynomial: TipPolynomial | None
-    """The tip as a polynomial; None where the corrected arcs keep within the tolerance, and where
-    no polynomial does."""
+    """The tip as a polynomial; None where the corrected arcs keep within the tolerance, both from
+    lengths and from force, and where no polynomial does."""
     answer: Annotated[str, Key()]
     """Whether constant curvature is good enough, in one sentence."""
     text: Annotated[str, Key()]
