@@ -156,13 +156,15 @@ def load_text(found: ValidityMap) -> tuple[str, str]:
     tuple of (str, str)
     """
     words, tension = found.axes[1].words, 0.5 * found.axes[0].stop
-    heading = f"{words[0].upper()}{words[1:]} at half of the tension ({significant(tension)} N)"
+    heading = f"{words[0].upper()}{words[1:]}"
+    at = f"with the tension at {significant(tension)} N, half of the largest"
     parts = []
     for name in found.value:
         ranges = _ranges(found, name, tension)
         up = "up " if ranges.startswith("to ") else ""
         parts.append(f"{up}{ranges} ({LABELS[name]})")
-    return heading, f"the error stays within {in_percent(found.tolerance, 3)} {', '.join(parts)}"
+    within = f"the error stays within {in_percent(found.tolerance, 3)}"
+    return heading, f"{at}, {within} {', '.join(parts)}"
 
 
 def load_sentence(found: ValidityMap) -> str:

@@ -108,15 +108,16 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         yield "Left out", study.without_equilibrium.rstrip(".")
     yield from _correction(study)
     if study.spreads:
-        how = "assumed" if study.uncertainty_assumed else "standard deviations"
+        how = "assumed; " if study.uncertainty_assumed else ""
         known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
+        robots = f"{len(known[0].limit)} robots"
         limits = []
         for s in known:
             median = math.isfinite(s.limit_summary.quantiles[0.5].value)
             what = "the median limit is" if median else "the limit is at least"
             limits.append(f"{LABELS[s.name]} {what} {s.limit_text}")
-        robots = f"of {len(known[0].limit)} robots with random {study.uncertain_numbers} ({how})"
-        yield "How sure", f"{robots}, {'; '.join(limits)}"
+        scatter = f"with standard deviations of {study.uncertain_numbers} ({how}{robots})"
+        yield "How sure", f"{scatter}, {'; '.join(limits)}"
     if study.load_map is not None:
         yield load_text(study.load_map)
     yield from _largest_effect(study)
@@ -127,8 +128,8 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         largest, _ = study.dynamics.max_difference
         yield (
             "Dynamics",
-            f"the tip is within {in_mm(largest)} of its static equilibrium (rise in "
-            f"{significant(study.dynamics.rise)} s)",
+            f"while the tension rises in {significant(study.dynamics.rise)} s, the tip stays "
+            f"within {in_mm(largest)} of its static equilibrium",
         )
     elif study.dynamics is None:
         yield "Dynamics", study.dynamics_text[0].rstrip(".")
@@ -185,16 +186,16 @@ def _formula(robot: Robot, from_force: bool) -> str | None:
         by_newton = robot.length / n / float(robot.bending_stiffness[0])
         linear, softer = radius * by_newton, robot.length / n * by_newton / 12.0
         return (
-            f"with F in N on one tendon, x = {linear:.4g} F and y = 1 - {softer:.4g} F, the bend "
-            f"angle is {2 * n} x/(y + sqrt(y^2 + x^2/2)) rad"
+            f"for a tension F on one tendon, in N: x = {linear:.4g} F; y = 1 - {softer:.4g} F; "
+            f"bend angle {2 * n} x/(y + sqrt(y^2 + x^2/2)) rad"
         )
     angles = np.sort(np.mod(robot.tendons.angle_rad, math.tau))
     if len(angles) != 3 or np.ptp(np.diff(angles, append=angles[0] + math.tau)) > 1e-9:
         return None
     return (
-        "with the tendon lengths l1, l2, l3, q = l1^2 + l2^2 + l3^2 - l1 l2 - l2 l3 - l1 l3 and "
-        f"a = 2 asin(sqrt(q)/{in_mm(3 * n * radius)}) rad, the bend angle is {n} a and the length "
-        "of the arc is the mean of l1, l2, l3 times (a/2)/sin(a/2)"
+        "for tendon lengths l1, l2, l3: q = l1^2 + l2^2 + l3^2 - l1 l2 - l2 l3 - l1 l3; "
+        f"a = 2 asin(sqrt(q)/({in_mm(3 * n * radius)})) rad; bend angle {n} a; arc length "
+        "(l1 + l2 + l3)/3 (a/2)/sin(a/2)"
     )
 
 
@@ -229,7 +230,7 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
         at = significant(loop.widest_at)
-        parts.append(f"the two are at most {in_mm(loop.width)} apart, at {at} N")
+        parts.append(f"at {at} N loading and unloading are {in_mm(loop.width)} apart, the most")
     assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
         yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)
@@ -241,6 +242,7 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
             commanded = row.case.comparisons[COMMANDED].mean
             if math.isfinite(commanded):
                 moved += (
-                    f"; the mean error of CC from the commanded lengths is then {in_mm(commanded)}"
+                    "; CC from the unstretched lengths, as motors command them, then errs by "
+                    f"{in_mm(commanded)} on average"
                 )
             yield f"Elastic tendons{assumed}", moved
