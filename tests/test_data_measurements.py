@@ -992,8 +992,8 @@ def test_spikes_and_saturated_sensors_are_named(file: Write, shell: Shell) -> No
     assert (2, "tension_3_N is 0.25 in all rows: was it measured?") in issues
 
 
-def test_a_robot_that_is_held_has_no_saturated_sensor_and_a_pulse_no_spike(file: Write) -> None:
-    """Ramp and hold of 1000 rows with noise of the tip; a pulse of displacements in 15 of 1000."""
+def test_a_robot_that_is_held_has_no_saturated_sensor(file: Write) -> None:
+    """Ramp and hold of 1000 rows with noise of the tip; a load cell that rests at 1.7 N."""
     noise = np.random.default_rng(5).normal(0.0, 2e-3, (1000, 3))
     tail = "tip_x_mm,tip_y_mm,tip_z_mm"
     load = np.interp(np.arange(1000), [0, 400, 600, 1000], [0, 10, 10, 0.01])
@@ -1003,6 +1003,25 @@ def test_a_robot_that_is_held_has_no_saturated_sensor_and_a_pulse_no_spike(file:
     ]
     ramp = read_measurements(file("\n".join([f"tension_1_N,tension_2_N,{tail}", *rows])))
     assert ramp.faults == () and len(ramp) == 1000
+    peak = np.interp(np.arange(1000), [0, 20, 500, 1000], [1.7, 1.7, 11.7, 1.71])
+    rows = [
+        f"{unloaded:.4f},{v:.4f},{3 * v + a:.4f},{b:.4f},{90 - v + c:.4f}"
+        for unloaded, v, (a, b, c) in zip(peak, np.linspace(9.0, 0.1, 1000), noise, strict=True)
+    ]
+    rested = read_measurements(file("\n".join([f"tension_1_N,tension_2_N,{tail}", *rows])))
+    assert rested.faults == ()
+
+
+def test_zeros_are_named_where_no_reading_is_above_zero(file: Write) -> None:
+    rows = "\n".join(f"{-2.5 + 0.1 * i},{-1.5 + 0.1 * i},10,0,641" for i in range(10))
+    table = file(f"tension_1_N,tension_2_N,tip_x_mm,tip_y_mm,tip_z_mm\n{rows}\n")
+    with pytest.raises(InputError, match=r"line 2: left out: .* as zero in the mapping"):
+        read_measurements(table)
+
+
+def test_a_pulse_of_displacements_is_no_spike(file: Write) -> None:
+    noise = np.random.default_rng(5).normal(0.0, 2e-3, (1000, 3))
+    tail = "tip_x_mm,tip_y_mm,tip_z_mm"
     load = np.where((np.arange(1000) >= 500) & (np.arange(1000) < 515), 5.0, 0.0)
     rows = [
         f"{v + b:.4f},{-v + c:.4f},{9 * v + a:.4f},{b:.4f},{90 - v + c:.4f}"

@@ -265,7 +265,7 @@ def fit(
             return measurements_of(flag, file, robot, mapping, g=g, keep_below_zero=zero_is_fitted)
         of_flag("--data", datasets.describe, data)
         place = of_flag(flag, lambda name: datasets.table(data, name), part)
-        found = read_measurements(place, robot, data, g=g)
+        found = read_measurements(place, robot, data, g=g, keep_below_zero=zero_is_fitted)
         return replace(found, name=data if part is None else f"{data}, {part}")
 
     flag = "--measurements" if data is None else "--data" if part is None else "--part"

@@ -93,9 +93,12 @@ def spikes(readings: Floats) -> NDArray[np.int64]:
     return np.concatenate([run for run in runs if len(run) < _RUN] or [rows[:0]])
 
 
-def saturated(readings: Floats) -> tuple[int, int] | None:
-    """First row and length of a run of readings at the end of the range of a sensor."""
-    for end in (readings.max(), readings.min()):
+def saturated(readings: Floats, from_rest: bool = False) -> tuple[int, int] | None:
+    """First row and length of a run of readings at the end of the range of a sensor.
+
+    Of one that reads from rest, the least reading is no such end.
+    """
+    for end in (readings.max(), *([] if from_rest else [readings.min()])):
         at_end = readings == end
         if end == 0.0 or at_end.sum() < _RUN:
             continue

@@ -534,7 +534,8 @@ class _Reader:
             )
         line, text = min(self.issues)
         more = f" (rows left out in all: {self.left_out})" if self.left_out > 1 else ""
-        return InputError(f"{self.table.path}: no row can be read; line {line}: {text}{more}")
+        zero = f". {channels.advice(self.likely_zeros)}" if self.below_zero else ""
+        return InputError(f"{self.table.path}: no row can be read; line {line}: {text}{more}{zero}")
 
     def leave_out(self, line: int, why: str) -> None:
         self.left_out += 1
@@ -740,7 +741,7 @@ class _Reader:
         alike = [
             [each for _, kind, each in found if kind == of] for of in {kind for _, kind, _ in found}
         ]
-        for column, kind, values in found:
+        for i, (column, kind, values) in enumerate(found):
             seen = np.isfinite(values)
             if column.constant is not None or column.part != "all" or not seen.any():
                 continue
@@ -765,7 +766,9 @@ class _Reader:
                     good[np.flatnonzero(seen)[rows]] = False
                     cure = "the row is left out."
                 self.faults.append(f"In line {line} {text}{more} far from all other rows: {cure}")
-            run = None if kind == "displacement" else channels.saturated(readings)
+            # a tendon without load stays at the least reading
+            from_rest = kind == "tension" and not self.pushes[i]
+            run = None if kind == "displacement" else channels.saturated(readings, from_rest)
             if run and not all(channels.rest([v[seen] for v in each], *run) for each in alike):
                 begin, count = run
                 value = column.reading(float(readings[begin]))
@@ -773,8 +776,8 @@ class _Reader:
                 text = f"{column.name} stays at {value:.7g}, an end of its range, in {count} rows"
                 self.issues.append((line, f"{text}; they are kept"))
                 self.faults.append(
-                    f"From line {line} {text}: a saturated sensor, whose rows are wrong; delete "
-                    "them."
+                    f"From line {line} {text} while others change: delete them if its sensor was "
+                    "saturated."
                 )
             value = float(readings[0])
             if value and len(readings) >= _MANY and (readings == value).all():
