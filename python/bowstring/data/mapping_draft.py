@@ -637,6 +637,15 @@ class _Draft:
                 f"which of {names} command the {count} tendons: there are {len(columns)}",
             )
             return []
+        by_file = sorted(columns, key=lambda c: c.index)
+        # programs write the order of the alphabet, 10 before 2; any other was somebody's choice
+        if by_file not in (columns, sorted(columns, key=lambda c: c.name)):
+            columns = by_file
+            self.remark(
+                "commands",
+                "the order of the tendons: the columns stand in another order than their numbers; "
+                "write them in the order of the robot's tendons",
+            )
         self.use(columns, "command")
         self.command_unit = self.unit_of_commands(columns) or ""
         if not self.command_unit:

@@ -63,10 +63,11 @@ class Suite(Result):
         low, high = min(self.ratios.values()), max(self.ratios.values())
         many = len(self.ratios)
         text = f"{number(low, 2)} to {number(high, 2)}" if many > 1 else number(low, 2)
-        sets = f"{many} measured robots" if many > 1 else "one measured robot"
+        sets = f"each of {many} measured robots" if many > 1 else "one measured robot"
         return (
-            f"On {sets}, calibrated constant curvature has {text} times the error of the "
-            "calibrated rod at rows that neither was fitted to."
+            f"For {sets}, constant curvature and rod were calibrated by one part of the "
+            "measurements; on the other part, the error of constant curvature is "
+            f"{text} times that of the rod."
         )
 
 
