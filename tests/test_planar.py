@@ -56,7 +56,7 @@ def test_an_opposite_pair_bends_in_its_plane(tmp_path: Path, shell: Shell) -> No
     out, up = length / theta * (1 - math.cos(theta)), length / theta * math.sin(theta)
     tip = [out * math.cos(phi), out * math.sin(phi), up]
     assert found["tip"]["position_m"] == pytest.approx(tip, rel=1e-12)
-    # a third tendon in the plane is redundant, and its misfit is told
+    # a third tendon in the plane is redundant, and its misfit is reported
     third = robot_of(tmp_path, 40.0, 220.0, 220.0)
     arcs = RobotArcs.from_lengths(third, [*lengths, lengths[1] + 3e-4])
     assert arcs.misfit[0] == pytest.approx(1e-4 * math.sqrt(1.5), rel=1e-9)

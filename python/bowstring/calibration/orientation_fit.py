@@ -18,6 +18,7 @@ from bowstring.calibration import observations
 from bowstring.calibration.fitting import Estimate
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.pieces import Loss, rho
+from bowstring.calibration.search import spread
 from bowstring.calibration.tip_model import TipModel, rotation
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.results import Key, Result
@@ -197,8 +198,7 @@ def fit_orientation(
     left, turn = found.fun, np.inf
     if loss != "linear":
         for _ in range(3):  # the scatter of the residuals follows the estimates
-            scatter = 1.4826 * float(np.median(np.abs(left))) * np.sqrt(left.size / free)
-            turn = _TURN * max(scatter, 1e-9)
+            turn = _TURN * max(spread(left, len(items)), 1e-9)
             found = solve(found.x, loss=partial(rho, loss=loss, count=left.size), f_scale=turn)
             left = residuals(found.x)
     slopes = jacobian(found.x)

@@ -32,7 +32,15 @@ from bowstring.statics.actuation import driven
 from bowstring.units import read_number, unit_of_size
 from bowstring.validation import shown
 
-__all__ = ["TENDON_PROPERTIES", "Setting", "Unknown", "Unknowns", "initial_of", "marker_of"]
+__all__ = [
+    "TENDON_PROPERTIES",
+    "Setting",
+    "Unknown",
+    "Unknowns",
+    "initial_of",
+    "marker_of",
+    "zero_is_fitted",
+]
 
 Floats = NDArray[np.float64]
 
@@ -610,6 +618,11 @@ def _beyond(name: str, value: float, low: float, high: float, unit: str, per_uni
     at, *ends = (f"{significant(each / per_unit)}" for each in (value, low, high))
     unit = f" {unit}" if unit else ""
     return f"{name} is {at}{unit} ({ends[0]} to {ends[1]}{unit})"
+
+
+def zero_is_fitted(parameters: Sequence[str]) -> bool:
+    """Whether a fit of these parameters finds the zeros of commands."""
+    return any(name.partition(".")[0] == "offset" for name in parameters)
 
 
 def marker_of(name: str) -> int | None:

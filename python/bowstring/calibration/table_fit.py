@@ -26,7 +26,7 @@ from bowstring.calibration.filtering import (
 )
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Score, score
-from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.parameters import Unknowns, zero_is_fitted
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.prediction import Predicted, predict_with_interval
 from bowstring.calibration.priors import PriorChoice, read_priors
@@ -445,17 +445,17 @@ def calibrate(
         points = observations.measured_points(data, robot, len(data))
         rows = points.seen.any(axis=1) & (np.cumsum(out) == 0)  # the last rows are held out
     notify("fit", 0.0)
-    zero_is_fitted = any(name.partition(".")[0] == "offset" for name in parameters)
+    of_zero = zero_is_fitted(parameters)
     by_tension = observations.commands(data, robot).are_tensions
     order = check_tendons(
-        robot, data, zero_is_fitted=zero_is_fitted, delay_is_fitted="delay" in parameters
+        robot, data, zero_is_fitted=of_zero, delay_is_fitted="delay" in parameters
     )
     begin = dict(start or {})
-    if zero_is_fitted and by_tension:
+    if of_zero and by_tension:
         begin = _likely_offsets(robot, data, parameters) | begin
     rows_of_fit = data
     of_zeros = data.zero_error
-    if by_tension and not zero_is_fitted and of_zeros is not None and of_zeros.any():
+    if by_tension and not of_zero and of_zeros is not None and of_zeros.any():
         parameters, priors = _with_zeros(robot, of_zeros, parameters, priors)
         # no error of the zero loads a tendon that has no load
         is_unloaded = (data.tensions == 0.0) & ~robot.tendons.pushes

@@ -226,6 +226,7 @@ def fit(
     import numpy as np
 
     from bowstring.calibration import table_fit
+    from bowstring.calibration.parameters import zero_is_fitted
     from bowstring.data import datasets
     from bowstring.data.measurements import read_measurements
 
@@ -258,14 +259,14 @@ def fit(
     out_folder(out, "fit")
     begin = None if start is None else of_flag("--start", table_fit.read_start, start)
 
-    zero_is_fitted = any(name.partition(".")[0] == "offset" for name in parameter)
+    of_zero = zero_is_fitted(parameter)
 
     def read(flag: str, file: str | Path | None, part: str | None) -> Measurements:
         if data is None:
-            return measurements_of(flag, file, robot, mapping, g=g, keep_below_zero=zero_is_fitted)
+            return measurements_of(flag, file, robot, mapping, g=g, keep_below_zero=of_zero)
         of_flag("--data", datasets.describe, data)
         place = of_flag(flag, lambda name: datasets.table(data, name), part)
-        found = read_measurements(place, robot, data, g=g, keep_below_zero=zero_is_fitted)
+        found = read_measurements(place, robot, data, g=g, keep_below_zero=of_zero)
         return replace(found, name=data if part is None else f"{data}, {part}")
 
     flag = "--measurements" if data is None else "--data" if part is None else "--part"
@@ -488,12 +489,13 @@ def _fit_orientation(
 ) -> None:
     """Fit a model to a table of angles, and write the result."""
     from bowstring.calibration.orientation_fit import fit_orientation
+    from bowstring.calibration.parameters import zero_is_fitted
     from bowstring.data.tendon_check import check_tendons
 
     order = check_tendons(
         robot,
         table,
-        zero_is_fitted=any(name.partition(".")[0] == "offset" for name in parameter),
+        zero_is_fitted=zero_is_fitted(parameter),
         delay_is_fitted="delay" in parameter,
     )
     kind: Literal["arc"] | None = "arc" if model == "arc" else None

@@ -14,7 +14,7 @@ __all__ = ["advice", "likely_zero", "noise_about_zero", "rest", "saturated", "sp
 
 Floats = NDArray[np.float64]
 
-_FEW: Final = 4  # readings below zero that do not tell their distribution
+_FEW: Final = 4  # readings below zero that do not show their distribution
 _SMALL: Final = 0.02  # share of the range below which readings below zero are noise by their size
 _LARGE: Final = 0.25  # share of the range above which they are none
 _WIDE: Final = 4.0  # standard deviations of a normal distribution that a large sample reaches
@@ -30,7 +30,7 @@ _FAR: Final = 3.0  # distance of a spike over the range of the others
 _RUN: Final = 5  # rows
 _STILL: Final = 0.05  # share of its range within which a robot rests
 _DISTINCT: Final = 0.8  # share of different readings of a sensor; commands repeat
-_SAMPLE: Final = 1_000  # readings that tell whether they repeat
+_SAMPLE: Final = 1_000  # readings that show whether they repeat
 
 
 def noise_about_zero(readings: Floats) -> float:

@@ -137,8 +137,8 @@ class Measurements:
     join: Joined | None = None
     """Clock of a joined table; None: no table is joined."""
     faults: tuple[str, ...] = ()
-    """Sentences on readings that are probably wrong, spikes and saturated sensors; these rows are
-    kept."""
+    """Sentences on readings that are probably wrong. Rows with a spike of a command are left out;
+    those with a spike of a tip or a saturated sensor are kept."""
     path: Path | None = None
     """File from which the data were read; None for other data."""
     sha256: str | None = None

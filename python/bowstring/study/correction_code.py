@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, significant
 from bowstring.robot.model import Robot
-from bowstring.study.correction_polynomial import bend_fit, without_closed_form
+from bowstring.study.correction_polynomial import MOST_TERMS, bend_fit, without_closed_form
 from bowstring.validation import choice
 
 if TYPE_CHECKING:
@@ -98,8 +98,8 @@ def correction_code(study: Study, language: Language) -> str:
     if why := without_closed_form(robot):
         raise InputError(
             f"{robot.name} has no correction in closed form, because {why}, and no polynomial of "
-            "at most 250 terms keeps within the tolerance; give a smaller largest tension, or "
-            "compile the rod itself by bowstring export"
+            f"at most {MOST_TERMS} terms keeps within the tolerance; give a smaller largest "
+            "tension, or compile the rod itself by bowstring export"
         )
     segments = _segments(robot)
     said = [

@@ -22,13 +22,14 @@ from bowstring.statics import rod
 from bowstring.study.comparison import Model
 from bowstring.validity.loading import whole_share
 
-__all__ = ["TipPolynomial", "bend_fit", "tip_polynomials", "without_closed_form"]
+__all__ = ["MOST_TERMS", "TipPolynomial", "bend_fit", "tip_polynomials", "without_closed_form"]
 
 Floats = NDArray[np.float64]
 
 _FITTED: Final = 6000  # random loads of the fit
 _HELD_OUT: Final = 2000  # further ones, for the error
-_MOST_TERMS: Final = 250  # of a coordinate; more are no code to paste
+MOST_TERMS: Final = 250
+"""Largest number of terms of a coordinate; more are no code to paste."""
 _HIGHEST: Final = 8  # degree
 _FEWEST: Final = 0.5  # share of the loads with an equilibrium
 _RANGES: Final = (1.0, 0.5, 0.25)  # of the largest tension, until an error is tolerated
@@ -250,7 +251,7 @@ def _fit(
     """Exponents, coefficients and largest error of the lowest degree that is good enough."""
     best: tuple[NDArray[np.int64], Floats, float] | None = None
     for degree in range(1, _HIGHEST + 1):
-        if best and math.comb(varied.sum() + degree, degree) > _MOST_TERMS:
+        if best and math.comb(varied.sum() + degree, degree) > MOST_TERMS:
             break
         exponents = _exponents(varied, degree)
         terms = _terms(inputs, exponents)
