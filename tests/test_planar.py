@@ -138,3 +138,22 @@ def test_the_correction_finds_the_tip_of_the_rod(tmp_path: Path, angles: tuple[f
     )
     assert better < 0.1 * plain
     assert plain < 0.02 * robot.length
+
+
+@pytest.mark.parametrize(
+    ("disks", "radius", "load"), [(1, 14.0, 0.5), (2, 6.0, 0.5), (3, 4.0, 0.7)]
+)
+def test_one_tendon_on_long_spans_has_its_corrected_arc(
+    tmp_path: Path, disks: int, radius: float, load: float
+) -> None:
+    """On spans that are long beside the lever arm, a shorter axis bends the arc by more."""
+    robot_of(tmp_path, 40.0, radius=radius)
+    path = tmp_path / "robot.yaml"
+    path.write_text(path.read_text().replace("count: 10", f"count: {disks}"))
+    robot = bs.load_robot(path)
+    stiffness = 50e9 * math.pi / 64.0 * 1e-12  # N m^2
+    solved = bs.solve(robot, [load * stiffness / (0.16 * 1e-3 * radius)]).raise_for_status()
+    arcs = RobotArcs.from_lengths(robot, solved.tendon_lengths, correction="chord")
+    np.testing.assert_allclose(arcs.lengths(), solved.tendon_lengths, rtol=1e-12)
+    assert arcs.length[0] == pytest.approx(0.16, rel=1e-12)
+    assert arcs.theta[0] == pytest.approx(math.acos(solved.tip.rotation[2, 2]), rel=0.1)

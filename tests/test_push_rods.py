@@ -286,6 +286,16 @@ def test_rods_that_buckle_are_announced(tmp_path: Path, rods: bs.Robot) -> None:
     )
 
 
+def test_inverse_kinematics_announces_rods_that_buckle(
+    tmp_path: Path, rods: bs.Robot, shell: Shell
+) -> None:
+    x, y, z = 1e3 * bs.solve(rods, [1.0, 0.0, -1.0, 0.0]).tip.position
+    file, tip = str(tmp_path / "robot.yaml"), f"{x} mm,{y} mm,{z} mm"
+    code, _, err = shell("ik", file, "--tip", tip, "--max-tension", "2 N")
+    assert code == 0, err
+    assert "under compression, and whether" in err
+
+
 def test_shares_of_a_study_push(tmp_path: Path) -> None:
     """A couple of a rod that pulls and one that pushes, in which the modules bend alike."""
     robot = _robot(tmp_path, RODS, tendons__kind="chamber")

@@ -26,6 +26,8 @@ pub enum Law {
 
 /// Most iterations to the spans of a backbone whose length is held.
 const ROUNDS: usize = 100;
+/// First estimate of the slope of a residual in them, that of spans which hardly depend on them.
+const FIRST_SLOPE: f64 = -1.0;
 
 /// Relative difference of bending flexibilities that is rounding.
 const ALIKE: f64 = 1e-12;
@@ -479,23 +481,42 @@ impl Segment {
         modules: &Modules,
         fit: &TendonFit,
         lengths: &[f64],
-        mut parallel: Arc,
+        parallel: Arc,
     ) -> Result<(Arc, Vec<f64>), Error> {
         let found =
             |parallel: &Arc| modules.of_lengths(parallel, least_thrust(self.own(), parallel.bend));
-        let (mut arc, mut bends) = found(&parallel)?;
-        // a held length is that of the backbone, and the spans in its axis are shorter
+        if fit.held(self.length).is_none() {
+            return found(&parallel);
+        }
+        // The held length is that of the backbone, and the spans in its axis are shorter: their sum
+        // by the secant method, as that which follows from another may change by more than the other.
+        let mut axis = self.length;
+        let mut known = lengths.iter().sum::<f64>() / lengths.len() as f64;
+        let (mut slope, mut before) = (FIRST_SLOPE, None);
         for _ in 0..ROUNDS {
-            let Some(axis) = fit.held(modules.axis(&bends)) else {
-                return Ok((arc, bends));
+            let tried = fit
+                .fit(lengths, Some(axis))
+                .and_then(|(arc, _)| found(&arc));
+            let (mut arc, bends) = match tried {
+                Ok(found) => found,
+                // too far from a length that has an arc, as that of the straight robot has
+                Err(_) if (axis - known).abs() > 1e-3 * self.length => {
+                    axis = 0.5 * (axis + known);
+                    continue;
+                }
+                Err(error) => return Err(error),
             };
-            let change = axis - parallel.length;
-            (parallel, _) = fit.fit(lengths, Some(axis))?;
-            (arc, bends) = found(&parallel)?;
+            let change = modules.axis(&bends) - axis;
             if change.abs() <= 1e-15 * self.length {
                 arc.length = self.length;
                 return Ok((arc, bends));
             }
+            if let Some((axis_before, change_before)) = before.replace((axis, change)) {
+                let secant: f64 = (change - change_before) / (axis - axis_before);
+                slope = if secant < 0.0 { secant } else { slope };
+            }
+            known = axis;
+            axis -= change / slope;
         }
         Err(Error::NoSolution(
             "no arc of the backbone's length was found for these tendon lengths".into(),

@@ -33,6 +33,14 @@ pub fn is_minimum_nearby(largest: f64, pivot: f64, unit: f64, stiffening: f64) -
     largest < 1e-4 && pivot > 0.01 * unit && largest * stiffening < 0.1 * pivot
 }
 
+/// Whether the last tangent is kept, which still shows a minimum: where the step with it ends as well
+/// as Newton's own. By quadratic convergence the residual `now` after the residual `last` falls to
+/// about `2 now^2 / last`.
+#[inline(always)]
+pub fn keeps_tangent(minimum_nearby: bool, now: f64, last: f64) -> bool {
+    minimum_nearby && 2.0 * now * now <= NEGLIGIBLE * last
+}
+
 /// Whether a length error meets its tolerance, or stalls below a `loose` one.
 #[inline]
 pub fn is_length_settled(now: f64, last: f64, loose: f64) -> bool {

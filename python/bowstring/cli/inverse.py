@@ -39,7 +39,8 @@ from bowstring.formatting import in_mm, plain
 from bowstring.units import number_with_unit, quote
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
     from rich.table import Table
 
     from bowstring.inverse.solution import InverseSolution
@@ -288,6 +289,7 @@ def ik(
     found = options.solve(tip, direction)
     if found.status == "no_equilibrium":
         raise NoSolutionError(f"{robot.name}: {found.message()}", status="no_equilibrium")
+    _warn_of_rods(robot, found.tensions)
     row: Any = found.to_dict()
     segments = None if found.arcs is None else arc_rows(found.arcs)
     if as_json:
@@ -304,6 +306,16 @@ def ik(
         tip_line(found.tip_position, found.tip_rotation) + where,
         _tendon_table(found),
     )
+
+
+def _warn_of_rods(robot: Robot, tensions: NDArray[np.float64]) -> None:
+    """Warn of rods that buckle at the least of the tensions (..., T) in N."""
+    import numpy as np
+
+    from bowstring.statics.limits import compressed_rods
+
+    for sentence in compressed_rods(robot, np.fmin.reduce(np.atleast_2d(tensions))):
+        say("Warning", sentence)
 
 
 def _check_near(flag: str, robot: Robot, points: ArrayLike) -> None:
@@ -554,6 +566,7 @@ def _path(
             f"--path: row {row + 2} is {in_mm(float(steps[row]))} from the row before it; the "
             "robot jumps there.",
         )
+    _warn_of_rods(robot, found.tensions)
     reached = found.reached
     miss = np.linalg.norm(landed - tips.positions, axis=1)
     good = miss[np.isfinite(miss)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -36,7 +37,7 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-_BESIDE_TIP: Final = ("disk_forces", "disk_moments", "point_loads", "line_forces", "base")
+_BESIDE_TIP: Final = attrgetter("disk_forces", "disk_moments", "point_loads", "line_forces", "base")
 ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m", "line_forces": "N/m"}
 """Loads with a vector for each disk, with their units."""
 POINT_NUMBERS: Final = 12
@@ -71,7 +72,10 @@ def with_arrays(load: Load, rows: str = "") -> Load:
 
     `rows` is a shape beside (N, 3) for messages.
     """
-    if all(getattr(load, name) is None for name in _BESIDE_TIP):
+    for value in _BESIDE_TIP(load):  # `all` of a generator takes four times as long
+        if value is not None:
+            break
+    else:
         return load
     if load.base is not None:
         raise InputError("load has a motion of the base, which only bowstring.simulate takes")

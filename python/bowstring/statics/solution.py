@@ -665,10 +665,6 @@ def solution(
     if before is None and not load.is_actuated:
         load = load.replace(tensions=np.zeros(robot.core.tendon_count))
     if actuation.is_by_tensions(robot, load, before):
-        if isinstance(load.tensions, np.ndarray) and load.tensions.dtype.kind == "c":
-            # NumPy would drop imaginary parts with a mere warning
-            count = robot.core.tendon_count
-            raise InputError(f"tensions is {load.tensions!r:.80}, it must be {count} numbers, in N")
         return Solution(robot, robot.core.solve(load.tensions, load, model))
     given, commands = actuation.commands(robot, load)
     path = actuation.Path(robot, model, before)

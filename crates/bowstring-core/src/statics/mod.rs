@@ -26,6 +26,7 @@ pub mod path_batch;
 mod path_error;
 mod path_step;
 pub mod relaxation;
+mod response;
 pub mod solver;
 mod stability;
 #[cfg(target_arch = "x86_64")]

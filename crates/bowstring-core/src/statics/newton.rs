@@ -2,7 +2,9 @@
 //!
 //! Theory: docs/theory/statics.md (Globalisation).
 
-use crate::criteria::{is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE, TOLERANCE};
+use crate::criteria::{
+    is_minimum_nearby, keeps_tangent, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE, TOLERANCE,
+};
 use crate::dispatch::Passes;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
@@ -79,8 +81,11 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
     // large terms nearly cancel in the energy
     let noise = ENERGY_NOISE * (rod.energy_scale(settings.length) + energy.abs());
     let stiffening = rod.energy_scale(settings.length) / rod.module_count() as f64;
-    // the last elimination still determines the inertia if the step after it was short
+    // the last elimination still determines the inertia if the steps after it were short
     let mut minimum_nearby = false;
+    // least pivot of the last elimination, and rotation added by an arc since then (rad)
+    let (mut pivot, mut moved) = (0.0, 0.0);
+    let mut last_residual = 0.0;
     loop {
         if interrupt::work(settings.work) {
             return Attempt::Stuck;
@@ -111,15 +116,20 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
             return Attempt::Stuck;
         }
         outcome.iterations += 1;
-        rod.linearise();
-        let Some(pivot) = eliminate_shifted(rod, settings, &mut shift) else {
-            return Attempt::Stuck;
-        };
+        if !keeps_tangent(minimum_nearby, outcome.residual, last_residual) {
+            rod.linearise();
+            let Some(least) = eliminate_shifted(rod, settings, &mut shift) else {
+                return Attempt::Stuck;
+            };
+            (pivot, moved) = (least, 0.0);
+        }
+        last_residual = outcome.residual;
         let step = rod.newton_step(true);
+        moved += step.largest;
         if !step.largest.is_finite() {
             return Attempt::Stuck;
         }
-        minimum_nearby = shift == 0.0 && is_minimum_nearby(step.largest, pivot, unit, stiffening);
+        minimum_nearby = shift == 0.0 && is_minimum_nearby(moved, pivot, unit, stiffening);
         let Some(fraction) = backtrack(rod, settings, &step, noise, &mut energy) else {
             return Attempt::Stuck;
         };

@@ -17,6 +17,7 @@ use crate::rod::estimate::Verdict;
 use crate::rod::sensitivity::Jacobians;
 use crate::statics::directional::Linearised;
 use crate::statics::newton::{newton, Attempt, MAX_ITERATIONS};
+use crate::statics::response::Response;
 use crate::step::oscillation::Equilibrium;
 
 /// Least moment over (bending stiffness / length) that may lead from a stable equilibrium to an
@@ -63,8 +64,10 @@ pub struct Solver {
     /// The last load, for queries after the solve.
     load: OwnedLoad,
     /// Strain of the previous solutions, latest first, for extrapolation along a sweep.
-    history: [Vec<Vec3>; 3],
+    history: [Vec<Vec3>; 4],
     known: usize,
+    /// Linear response of the unloaded robot, computed by the first solve from there.
+    response: Option<Option<Response>>,
     /// Whether the last solve converged: only then are results available.
     settled: bool,
 }
@@ -82,8 +85,10 @@ impl Solver {
             model,
             elements,
             load: OwnedLoad::default(),
-            history: [straight.clone(), straight.clone(), straight],
+            history: std::array::from_fn(|_| straight.clone()),
             known: 0,
+            // one that is solved with more elements is seldom solved again
+            response: (elements > 1).then_some(None),
             settled: false,
         })
     }
@@ -158,7 +163,8 @@ impl Solver {
         &self.robot
     }
 
-    /// Equilibrium from the straight backbone.
+    /// Equilibrium from the straight backbone, or from the linear response of the unloaded robot
+    /// where a load has one equilibrium.
     pub fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
         load.check_elements(&self.robot, self.elements)?;
@@ -171,7 +177,7 @@ impl Solver {
 
     /// Equilibrium from the previous ones, for loads in a fine sequence.
     ///
-    /// Extrapolates the strain of up to three previous solutions; falls back to a start from the
+    /// Extrapolates the strain of up to four previous solutions; falls back to a start from the
     /// straight backbone.
     pub fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
@@ -181,11 +187,12 @@ impl Solver {
         let load = &self.settings.without_negligible(load);
         self.load.set(load);
         self.take_load(load);
-        let [a, b, c] = &self.history;
+        let [a, b, c, d] = &self.history;
         let ahead = |i: usize| match self.known {
             1 => a[i],
             2 => a[i] * 2.0 - b[i],
-            _ => (a[i] - b[i]) * 3.0 + c[i],
+            3 => (a[i] - b[i]) * 3.0 + c[i],
+            _ => (a[i] + c[i]) * 4.0 - b[i] * 6.0 - d[i],
         };
         // loads that jump are not extrapolated
         let close = (0..a.len()).all(|i| (ahead(i) - a[i]).max_abs() < MAX_EXTRAPOLATION);
@@ -251,9 +258,25 @@ impl Solver {
 
     fn solve_from_straight(&mut self, load: &Load) -> Outcome {
         self.load.set(load);
+        let (engine, robot) = (&mut *self.engine, &self.robot);
+        self.response
+            .get_or_insert_with(|| Response::of(engine, robot));
         self.take_load(load);
         self.engine.make_unloaded();
-        self.equilibrium(load, true)
+        let response = self.response.as_mut().and_then(Option::as_mut);
+        let mut tried = 0;
+        if let Some(start) = response.and_then(|response| response.start(load)) {
+            self.engine.set_strains(&|i| start[i]);
+            let outcome = self.equilibrium(load, false);
+            if outcome.status == Status::Converged && !outcome.left_unstable {
+                return outcome;
+            }
+            tried = outcome.iterations;
+            self.engine.make_unloaded();
+        }
+        let mut outcome = self.equilibrium(load, true);
+        outcome.iterations += tried;
+        outcome
     }
 
     fn remember(&mut self, outcome: &Outcome) {
@@ -264,7 +287,7 @@ impl Solver {
         self.history.rotate_right(1);
         let latest = &mut self.history[0];
         self.engine.strains(&mut |i, w| latest[i] = w);
-        self.known = (self.known + 1).min(3);
+        self.known = (self.known + 1).min(4);
     }
 
     /// Solves from the strain in the engine; with `patience` also by load stepping.
@@ -541,6 +564,39 @@ mod tests {
             gravity: [0.0, 0.0, -9.81],
         })
         .unwrap()
+    }
+
+    /// From the linear response a solve is shorter, and ends where it does from straight; beyond the
+    /// critical load it starts from straight.
+    #[test]
+    fn linear_response_is_a_start() {
+        let mut solver = Solver::new(&robot(), Model::default(), 1).unwrap();
+        let mut steps = [0; 2];
+        for (tension, side) in [(0.0, 0.4), (5.0, -0.2), (20.0, 0.1), (40.0, 0.0)] {
+            let tensions = [0.2 * tension, 0.0, tension, 0.1 * tension, 0.0];
+            let load = Load {
+                tensions: &tensions,
+                gravity: [0.0, 5.0, -5.0],
+                tip_force: [side, 0.0, 0.1],
+                ..Load::default()
+            };
+            let straight = solver.solve_from(None, &load);
+            let wanted = solver.tip().unwrap();
+            let found = solver.solve(&load).unwrap();
+            let off = solver.tip().unwrap().position - wanted.position;
+            assert_eq!(found.stable, Some(true));
+            assert!(off.max_abs() < 1e-9, "{off:?}");
+            steps[0] += straight.iterations;
+            steps[1] += found.iterations;
+        }
+        assert!(steps[1] < steps[0], "{steps:?}");
+        let critical = Load {
+            tensions: &[0.0; 5],
+            tip_force: [0.0, 0.0, -20.0],
+            ..Load::default()
+        };
+        let mut response = Response::of(&mut *solver.engine, &solver.robot).unwrap();
+        assert!(response.start(&critical).is_none());
     }
 
     /// All engines that this processor can run give the same solution.

@@ -8,7 +8,7 @@
 use super::polynomial::{StartPolynomial, Values};
 use super::MOST_LANES;
 use crate::criteria::{
-    is_minimum_nearby, is_near, ENERGY_NOISE, MAX_EXTRAPOLATION, MAX_STEP, NEGLIGIBLE,
+    is_minimum_nearby, is_near, keeps_tangent, ENERGY_NOISE, MAX_EXTRAPOLATION, MAX_STEP,
     SUFFICIENT_DECREASE, TOLERANCE,
 };
 use crate::dispatch::fits_lanes;
@@ -447,12 +447,9 @@ impl<S: Simd, const A: usize> Lanes<S, A> {
                 }
                 break;
             }
-            // The last tangent is kept where it still shows a minimum, and where the step with it
-            // ends as well as Newton's own: by quadratic convergence the residual r after residual s
-            // falls to about 2 r^2 / s.
             let keep = |lane: usize| {
                 let (now, last) = (residual.lane(lane), last_residual.lane(lane));
-                minimum_nearby[lane] && 2.0 * now * now <= NEGLIGIBLE * last
+                keeps_tangent(minimum_nearby[lane], now, last)
             };
             if !(0..S::Vector::LANES).all(|lane| keep(lane) || !plain[lane]) {
                 pivot = rod.linearise_and_eliminate();

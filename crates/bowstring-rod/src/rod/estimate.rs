@@ -45,7 +45,7 @@ pub const TIP_TOLERANCE: f64 = 1e-5;
 const TENSION_TOLERANCE: f64 = 1e-4;
 /// Compression number of a module (force times squared length over bending stiffness; pi^2 at
 /// buckling between two disks) above which stability depends on the elements.
-const NEAR_BUCKLING: f64 = 5.0;
+pub const NEAR_BUCKLING: f64 = 5.0;
 /// Largest compression number of one element at which the critical force is accurate to 1e-3.
 const FINE_COMPRESSION: f64 = 0.65;
 /// Safety factor of the estimate, which is first order in the defects.
