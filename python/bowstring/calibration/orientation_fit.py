@@ -29,7 +29,7 @@ from bowstring.validation import shown
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
 
-__all__ = ["AngleScore", "OrientationFit", "fit_orientation"]
+__all__ = ["AngleScore", "OrientationFit", "angle_errors", "fit_orientation"]
 
 Floats = NDArray[np.float64]
 
@@ -52,9 +52,8 @@ class AngleScore(Result):
     """Largest, rad."""
 
     @classmethod
-    def of(cls, residuals: Floats) -> AngleScore:
-        """Score of residuals (K, D), rad."""
-        size = np.linalg.norm(residuals, axis=1)
+    def of(cls, size: Floats) -> AngleScore:
+        """Score of absolute errors (K,), rad."""
         return cls(float(np.sqrt((size**2).mean())), float(size.mean()), float(size.max()))
 
 
@@ -76,6 +75,13 @@ class OrientationFit(Result):
     """Scatter of a residual about the fit, rad."""
     converged: Annotated[bool, Key()]
     """Whether the fit converged."""
+    robot: Robot
+    """Calibrated robot."""
+    tip_direction: Floats
+    """Predicted direction of the tip (K, 3) in the base frame, a unit vector; NaN without an
+    equilibrium."""
+    turn: Floats
+    """Rotation vector (3,) of the base in the measuring frame, rad."""
 
 
 def fit_orientation(
@@ -155,7 +161,7 @@ def fit_orientation(
         """Residuals (K, D), rad."""
         at = of_tips.predict(scaled * step)
         predicted = at.rotation[:, -1, :, 2] @ rotation(at.setting.turn).T
-        return _errors(predicted, bend, direction)[solved]
+        return angle_errors(predicted, bend, direction)[solved]
 
     def residuals(scaled: Floats) -> Floats:
         found = errors(scaled).ravel()
@@ -216,6 +222,8 @@ def fit_orientation(
     variance = float((force**2).sum()) / free / float(curvature.mean()) ** 2
     error = np.sqrt(variance * np.diag(np.linalg.inv(slopes.T @ slopes)))
     half = float(t.ppf(0.975, free)) * error
+    values = found.x * step
+    at = of_tips.predict(values)
     estimates = []
     for i, item in enumerate(items):
         ends = found.x[i], error[i], found.x[i] - half[i], found.x[i] + half[i], first[i]
@@ -226,14 +234,17 @@ def fit_orientation(
         "arc" if rod is None else "rod",
         tuple(estimates),
         int(solved.sum()),
-        AngleScore.of(errors(found.x)),
-        AngleScore.of(before),
+        AngleScore.of(np.linalg.norm(errors(found.x), axis=1)),
+        AngleScore.of(np.linalg.norm(before, axis=1)),
         float(np.sqrt(variance)),
         found.status > 0,
+        unknowns.calibrated(values, by_displacement=commands.are_displacements)[0],
+        at.rotation[:, -1, :, 2],
+        at.setting.turn,
     )
 
 
-def _errors(predicted: Floats, bend: Floats, direction: Floats | None) -> Floats:
+def angle_errors(predicted: Floats, bend: Floats, direction: Floats | None) -> Floats:
     """Errors (K, D) of predicted directions (K, 3): along the bend, and perpendicular to it."""
     x, y, z = predicted.T
     if direction is None:  # a bend angle alone has no sign
