@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +192,37 @@ def test_shifts_of_motions_with_several_peaks_or_a_flat_one(motion: str, lag: fl
     named = re.search(r"tips are (\S+) s (behind|ahead of) the commands", sentence)
     assert named, sentence
     assert float(named[1]) * (1 if named[2] == "behind" else -1) == pytest.approx(lag, abs=0.03)
+
+
+@pytest.mark.parametrize("lag", [0.08, -0.1])
+def test_a_small_shift_that_the_data_prove_is_a_remark(lag: float) -> None:
+    found = check_tendons(STUDY, replace(late_table(lag), join=Joined(0.0, True)))
+    assert found.found == "as_stated" and 0.05 < found.unexplained < 0.1
+    assert f"write shift: {lag:.3g} s in the mapping's join" in found.remark
+    assert found.remark in found.sentence
+    fitted = check_tendons(STUDY, late_table(lag), delay_is_fitted=True)
+    assert not fitted.remark and fitted.unexplained < 0.05
+
+
+@pytest.mark.parametrize("motion", ["triangle", "sines"])
+@pytest.mark.parametrize("backlash", [0.5e-3, 2e-3])
+def test_hysteresis_is_no_shift_of_the_clocks(motion: str, backlash: float) -> None:
+    """Behind a backlash the tips are late too, by a time that differs with the speed."""
+    data = late_table(0.0)
+    assert data.time is not None
+    commands = swings(data.time)
+    if motion == "triangle":
+        share = np.abs((data.time / 6.3) % 2 - 1)
+        commands = 8e-3 * np.outer(share, np.cos(np.radians([0, 120, 240])))
+    moved = commands.copy()
+    for before, now in pairwise(moved):
+        np.clip(before, now - backlash / 2, now + backlash / 2, out=now)
+    moved -= moved.mean(axis=1, keepdims=True)
+    arcs = bs.constant_curvature.RobotArcs.from_lengths(STUDY, STUDY.length - moved)
+    found = check_tendons(
+        STUDY, replace(data, displacements=commands, points=arcs.tip.position[:, None])
+    )
+    assert found.found == "as_stated" and not found.remark, found.sentence
 
 
 def test_clocks_are_not_blamed_for_the_order_nor_for_noise() -> None:

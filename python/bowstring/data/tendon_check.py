@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, islice
+from itertools import combinations, islice, pairwise
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
@@ -60,10 +60,12 @@ _ABOVE: Final = 0.05  # reading without load over the range, above which it is a
 _SAME: Final = 0.03  # difference of unexplained shares that says nothing
 _STRAIGHT: Final = 0.01  # distance of a tip from that of the straight robot over its length
 _LATE: Final = 1 / 3  # unexplained share with the clocks shifted over that without
-_IN_TIME: Final = 0.1  # unexplained share up to which no shift of the clocks is searched
+_IN_TIME: Final = 0.1  # unexplained share up to which a shift of the clocks is no alarm
+_NEARLY: Final = 0.05  # and up to which none is searched
 _MOST_SAMPLES: Final = 16_384  # of an even grid of times
 _MOST_PEAKS: Final = 9
 _ALIKE: Final = 0.05  # unexplained share below which shifts are equally good
+_PLAYS: Final = (0.02, 0.05, 0.1, 0.2, 0.4)  # widths of backlash over the largest bend
 _FEWEST_SHIFTED: Final = 20  # rows
 _ALONE: Final = 0.1  # share of a common displacement that no bend has
 _UNITS: Final = "check the unit of the tensions or masses, and E of the robot file."
@@ -166,7 +168,11 @@ def check_tendons(
     doubted, remark = _unloaded(motion)
     doubt = _doubted_commands(motion) or doubted or _doubted_size(motion)
     if remark:
-        found = replace(found, remark=remark, sentence=f"{found.sentence} {remark}")
+        found = replace(
+            found,
+            remark=f"{found.remark} {remark}".strip(),
+            sentence=f"{found.sentence} {remark}",
+        )
     if not doubt or found.found in ("swapped", "mirrored"):
         return found
     # an unclear order adds nothing to the doubt
@@ -177,16 +183,22 @@ def check_tendons(
 def _timed_order(motion: _Motion, delay_is_fitted: bool) -> TendonCheck:
     """Judge the order of the tendons, after the clocks of commands and tips."""
     found = _order(motion)
-    if found.unexplained <= _IN_TIME or motion.m.time is None:
+    if found.unexplained <= _NEARLY or motion.m.time is None:
         return found
     delay = _delay(motion)
     late = motion.delayed(delay) if delay else None
     if late is None:
         return found
     order = _order(late)
-    if order.found == "unclear" or (
-        order.found not in ("swapped", "mirrored") and order.unexplained > _LATE * found.unexplained
-    ):
+    wrong = ("swapped", "mirrored")
+    less = found.unexplained**2 - order.unexplained**2
+    is_late = found.unexplained > _IN_TIME and (
+        order.found in wrong or order.unexplained <= _LATE * found.unexplained
+    )
+    # arcs fit less well than a regression, and must gain as much by the shift
+    gain = motion.unexplained() ** 2 - late.unexplained() ** 2
+    is_proven = not {found.found, order.found} & {*wrong} and less > max(_NEARLY**2, 0.5 * gain)
+    if order.found == "unclear" or not (is_late or is_proven):
         return found
     if delay_is_fitted:
         return order
@@ -200,6 +212,12 @@ def _timed_order(motion: _Motion, delay_is_fitted: bool) -> TendonCheck:
         shift = joined.shift + (delay if joined.has_commands else -delay)
         say = f"The clocks of commands and tips are {significant(abs(delay))} s apart"
         cure = f"write shift: {significant(shift)} s in the mapping's join"
+    if not is_late:
+        remark = (
+            f"{say}: {cure}. Constant curvature then leaves {100 * order.unexplained:.0f} % of the "
+            f"tip's motion unexplained, not {share}."
+        )
+        return replace(found, remark=remark, sentence=f"{found.sentence} {remark}")
     sentence = (
         f"{say}, which leaves {share} of the tip's motion unexplained: {cure}. Then: "
         f"{order.sentence}"
@@ -211,7 +229,8 @@ def _delay(motion: _Motion) -> float:
     """Delay of the tips behind the commands that explains them best, s; 0 if none is better.
 
     Peaks of the cross-correlation of the tips with the bends by the linear law, in any order and
-    frame; the best peak is refined by regression.
+    frame; the best peak is refined by regression. Hysteresis is late too: a delay must explain what
+    backlashes of several widths do not.
     """
     time, tips = motion.m.time, motion.every
     assert time is not None
@@ -239,9 +258,9 @@ def _delay(motion: _Motion) -> float:
     )
     peaks = peaks[np.argsort(-explained[peaks])][:_MOST_PEAKS]
 
-    def left(delay: float) -> float:
+    def left(delay: float, plays: Sequence[float] = ()) -> float:
         late = motion.delayed(delay)
-        return np.inf if late is None else late.by_regression
+        return np.inf if late is None else late.unexplained(plays)
 
     if not len(peaks):
         return 0.0
@@ -250,6 +269,7 @@ def _delay(motion: _Motion) -> float:
         return float(min(delay + width * np.linspace(-1, 1, 11), key=left))
 
     tried = [refined(delay, step) for delay in lags[peaks] * step]
+    tried.append(refined(0.0, span / 20))  # of a periodic motion the peaks may be others
     least = min(map(left, tried))
     # a periodic motion has several, of which the smallest is the most probable
     best = min((delay for delay in tried if left(delay) <= max(_TIE * least, _ALIKE)), key=abs)
@@ -259,7 +279,9 @@ def _delay(motion: _Motion) -> float:
     while width > 0.01 * step:
         best = refined(best, width)
         width /= 5
-    return float(best) if left(best) < _CLEARLY * motion.by_regression else 0.0
+    is_proven = all(left(best, plays) < _CLEARLY * left(0.0, plays) for plays in ((), _PLAYS))
+    is_sure = min(left(0.75 * best), left(1.25 * best)) > _TIE * left(best)
+    return float(best) if is_proven and is_sure else 0.0
 
 
 def _order(motion: _Motion) -> TendonCheck:
@@ -651,13 +673,16 @@ class _Motion:
         measured, rows = self.measured[inside], self.rows[inside]
         return replace(self, commands=commands, measured=measured, rows=rows)
 
-    @property
-    def by_regression(self) -> float:
-        """Share of the motion that no polynomial of degree 2 in the bends explains."""
+    def unexplained(self, plays: Sequence[float] = ()) -> float:
+        """Share of the motion that no polynomial of degree 2 in the bends explains.
+
+        With `plays`, widths of backlash over the largest bend, hysteresis is explained too.
+        """
         bends = self.commands @ self.by_tendon.T
         bends = bends / max(float(np.abs(bends).max()), 1e-300)
         pairs = [bends[:, i] * bends[:, j] for i in range(bends.shape[1]) for j in range(i + 1)]
-        given = np.column_stack([np.ones(len(bends)), bends, *pairs])
+        played = [_played(bends, width) for width in plays]
+        given = np.column_stack([np.ones(len(bends)), bends, *pairs, *played])
         left = self.measured - given @ np.linalg.lstsq(given, self.measured, rcond=None)[0]
         free = max(len(given) - given.shape[1], 1) / len(given)
         return float(np.sqrt((left**2).sum(axis=1).mean() / free)) / _spread(self.measured)
@@ -697,6 +722,14 @@ class _Motion:
         x, y = np.moveaxis(bends, -1, 0)
         arcs = RobotArcs(self.robot, Arc(np.hypot(x, y) / length, np.arctan2(y, x), length))
         return self.seen(arcs.tip.position, arcs.tip.rotation)
+
+
+def _played(values: Floats, width: float) -> Floats:
+    """Values (n, D) behind a backlash of a width, in the order of the rows."""
+    out = values.copy()
+    for before, now in pairwise(out):  # rows are views
+        np.clip(before, now - width / 2, now + width / 2, out=now)
+    return out
 
 
 def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
