@@ -459,6 +459,21 @@ def test_a_shift_of_all_displacements_is_named() -> None:
         assert re.search(says, found.sentence) and "straight robot off all rows" in found.sentence
 
 
+@pytest.mark.parametrize("zero", [0.0, 2.0])
+def test_turned_signs_of_displacements_are_named_before_a_zero(zero: float) -> None:
+    """Turned signs lengthen all tendons of a robot whose tendons stretch by what is common."""
+    soft = STUDY.with_({"segments.0.tendons.compliance": "0.2 mm/N"})
+    data = arcs_of(soft, 0.1)
+    found = check_tendons(soft, replace(data, displacements=-data.displacements - zero))
+    assert found.alarm and "Write positive: lengthened in the mapping" in found.sentence
+    assert found.sentence.startswith("The sign of the displacements looks turned")
+    assert ("straight robot off all rows" in found.sentence) == bool(zero)
+    # alone they are a base that is turned by half a turn, or that
+    exact = arcs_of(STUDY, 0.0)
+    half = check_tendons(STUDY, replace(exact, displacements=-exact.displacements))
+    assert half.found == "turned" and "if it is not, the sign of the displacements" in half.sentence
+
+
 def test_the_zero_of_displacements_is_named_in_their_unit() -> None:
     zeros = np.array([2048.0, 1990.0, 2100.0])
     data = arcs_of(STUDY, 2e-5 * zeros)  # counts of 0.02 mm

@@ -356,10 +356,13 @@ def _agreed(
         return "as_stated", f"{text}.", []
     named = [pair for pair in alike if swaps[pair].angle < _TURNED]
     swap = f"tendons {_or(named)} are swapped, " if named else ""
+    others = "the tendons are numbered from another one"
+    sign = "the sign of the displacements is wrong"
+    is_half = abs(turn) > np.pi - _TURNED
+    errors = f"{sign}, {swap}or {others}" if is_half else f"{swap}{others}, or {sign}"
     text += (
         f". That takes a base turned by {np.degrees(turn):.0f} degrees about z in the measuring "
-        f"frame; if it is not, {swap}the tendons are numbered from another one, or the sign of the "
-        "displacements is wrong"
+        f"frame; if it is not, {errors}"
     )
     return "turned", f"{text}.", named
 
@@ -460,6 +463,25 @@ def _named_zeros(m: Measurements, si: Floats) -> str:
 
 
 def _shifted(motion: _Motion) -> str:
+    """Warn of a displacement common to all tendons, or of signs that make it one."""
+    doubt = _common(motion)
+    if not doubt:
+        return ""
+    as_read, turned = (
+        _best_gain(motion, sign * motion.bends(), motion.measured, _in_base)[1] for sign in (1, -1)
+    )
+    if not turned < min(_CLEARLY * as_read, _GOOD):
+        return doubt
+    sign = (
+        f"The sign of the displacements looks turned: with it constant curvature leaves "
+        f"{100 * as_read:.0f} % of the tip's motion unexplained, and {100 * turned:.0f} % without. "
+        "Write positive: lengthened in the mapping's tendons."
+    )
+    # zeros, where the others have one besides
+    return f"{sign} {doubt}" if _common(replace(motion, commands=-motion.commands)) else sign
+
+
+def _common(motion: _Motion) -> str:
     """Warn of a displacement common to all tendons of a segment that its backbone cannot follow.
 
     Constant curvature bends by the differences of displacements alone, and hides it. The backbone
@@ -726,7 +748,7 @@ class _Motion:
 
 def _played(values: Floats, width: float) -> Floats:
     """Values (n, D) behind a backlash of a width, in the order of the rows."""
-    out = values.copy()
+    out: Floats = values.copy()
     for before, now in pairwise(out):  # rows are views
         np.clip(before, now - width / 2, now + width / 2, out=now)
     return out
