@@ -518,7 +518,28 @@ def test_a_shift_that_the_robot_follows_is_not_named() -> None:
         soft = STUDY.with_({f"segments.0.tendons.{field}": "0.2 mm/N"})
         assert not check_tendons(soft, arcs_of(STUDY, 0.1)).alarm
     rubber = STUDY.with_({"segments.0.backbone.E": "1 MPa", "segments.0.backbone.diameter": 0.04})
-    assert not check_tendons(rubber, arcs_of(STUDY, 0.03)).alarm
+    data = arcs_of(STUDY, 0.03)
+    shorter = replace(data, points=data.points * (1 - 0.03 / STUDY.length))
+    assert not check_tendons(rubber, shorter).alarm
+    at_its_place = check_tendons(rubber, data)
+    assert at_its_place.alarm
+    assert "In line 0 the displacements have 30 mm in common" in at_its_place.sentence
+    assert "the tip is where the straight robot has it" in at_its_place.sentence
+
+
+@pytest.mark.parametrize("shift", [(6, -6, 6, -6), (-1, 9, -1, 9)])
+def test_a_shift_that_opposite_tendons_contradict_is_named(shift: tuple[int, ...]) -> None:
+    """Its mean is none or hides it; two opposite tendons cannot both be shortened."""
+    robot = STUDY.with_({"segments.0.tendons": {"count": 4, "pitch_radius": 0.029}})
+    moved = 6e-3 * np.cos(np.linspace(0, 9, 30)[:, None] - robot.tendons.angle_rad)
+    moved *= np.linspace(0.2, 1, 30)[:, None]
+    arcs = bs.constant_curvature.RobotArcs.from_lengths(robot, STUDY.length - moved)
+    none = np.full_like(moved, np.nan)
+    data = made(STUDY, np.repeat(PLANE[:1], 30, axis=0))
+    data = replace(data, tensions=none, displacements=moved, points=arcs.tip.position[:, None])
+    assert not check_tendons(robot, data).alarm
+    found = check_tendons(robot, replace(data, displacements=moved + 1e-3 * np.array(shift)))
+    assert found.alarm and f"have {max(shift)} mm or more in common" in found.sentence
 
 
 def test_one_tendon_has_no_shift_of_its_own() -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, islice, pairwise
+from itertools import chain, combinations, islice, pairwise
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
@@ -67,7 +67,9 @@ _MOST_PEAKS: Final = 9
 _ALIKE: Final = 0.05  # unexplained share below which shifts are equally good
 _PLAYS: Final = (0.02, 0.05, 0.1, 0.2, 0.4)  # widths of backlash over the largest bend
 _FEWEST_SHIFTED: Final = 20  # rows
-_ALONE: Final = 0.1  # share of a common displacement that no bend has
+_MOST_BALANCES: Final = 5_000  # sets of tendons
+_BALANCED: Final = 1e-6
+_SHORTER: Final = 0.03  # shortening over the length that a tip at its place without load disproves
 _UNITS: Final = "check the unit of the tensions or masses, and E of the robot file."
 _UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explains
 
@@ -494,12 +496,12 @@ def _common(motion: _Motion) -> str:
     for segment in range(len(robot.segments)):
         own = tendons.segment == segment
         holes = np.concatenate(tendons.mean_hole_m[: segment + 1, own], axis=1)
-        weight = 1.0 - holes @ np.linalg.pinv(holes, rcond=1e-9).sum(axis=1)
-        if weight.sum() < _ALONE * len(weight):  # bends by a single tendon have it too
+        balances = _balances(holes)
+        if not len(balances):  # bends by a single tendon have it too
             continue
         given = motion.commands[:, own]
         slack = given.max(axis=1)
-        shift = given @ weight / weight.sum()
+        shift = (given @ balances.T).max(axis=1)
         common, most = np.quantile(shift, [_ALL, 1.0 - _ALL]).tolist()
         passing = [float((tendons.segment >= j).sum()) for j in range(segment + 1)]
         give = tendons.compliance_m_per_N[own].max() + float(passing @ softness[: segment + 1])
@@ -508,8 +510,10 @@ def _common(motion: _Motion) -> str:
         where = f" of segment {segment + 1}" if len(robot.segments) > 1 else ""
         zeros = np.where(own, np.median(shift), np.nan)
         away = np.linalg.norm(motion.measured - motion.tips(0.0 * motion.bends()[:1]), axis=1)
-        if away.min() < _STRAIGHT * motion.size:  # also where each tendon has a zero of its own
-            zeros = np.where(own, motion.commands[np.argmin(away)], np.nan)
+        row = int(np.argmin(away))
+        is_straight = away[row] < _STRAIGHT * motion.size
+        if is_straight:  # also where each tendon has a zero of its own
+            zeros = np.where(own, motion.commands[row], np.nan)
         cure = (
             "The commands are not displacements from the straight robot: take those of the "
             f"straight robot off all rows.{_named_zeros(motion.m, zeros)}"
@@ -527,7 +531,34 @@ def _common(motion: _Motion) -> str:
                 f"The displacements{where} have {in_mm(common)} or more in common in all rows, and "
                 f"{robot.name} cannot shorten by that (it would take {force} tendon). {cure}"
             )
+        is_longer = shift[row] > _SHORTER * robot.length and not _is_elastic(robot)
+        if is_straight and motion.with_tip and is_longer:
+            line = int(motion.m.line[motion.rows[row]])
+            return (
+                f"In line {line} the displacements{where} have {in_mm(float(shift[row]))} in "
+                f"common, by which {robot.name} would be shorter, and the tip is where the "
+                f"straight robot has it. {cure}"
+            )
     return ""
+
+
+def _balances(holes: Floats) -> Floats:
+    """Weights (V, T) of few tendons whose sum no bend changes, none negative, in sum 1.
+
+    The backbone is at least as much shorter as the displacements by the weights are in sum, because
+    a tendon may be slack, and not too short. `holes` (T, 2 S) are those of each segment.
+    """
+    given = np.column_stack([holes / max(float(np.abs(holes).max()), 1e-300), np.ones(len(holes))])
+    sums, found = np.r_[np.zeros(holes.shape[1]), 1.0], []
+    sizes = range(1, int(np.linalg.matrix_rank(given, tol=1e-9)) + 1)
+    few = chain.from_iterable(combinations(range(len(holes)), size) for size in sizes)
+    for tendons in islice(few, _MOST_BALANCES):
+        weights = np.linalg.lstsq(given[list(tendons)].T, sums)[0]
+        is_exact = np.abs(weights @ given[list(tendons)] - sums).max() < _BALANCED
+        if is_exact and weights.min() > _BALANCED:
+            found.append(np.zeros(len(holes)))
+            found[-1][list(tendons)] = weights
+    return np.array(found)
 
 
 def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:
