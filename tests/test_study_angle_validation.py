@@ -55,7 +55,7 @@ def test_error_of_the_tip_of_an_arc() -> None:
     again = with_bends_only.comparison("cc_from_lengths")
     np.testing.assert_allclose(again.apart, apart, rtol=1e-6, atol=1e-9)
     assert [c.frame for c in with_bends_only.comparisons] == ["as_measured"] * 5
-    assert any("no direction was measured" in note for note in with_bends_only.notes)
+    assert any("No direction was measured" in note for note in with_bends_only.notes)
 
 
 def test_a_turned_sensor_is_no_error_of_the_model() -> None:
@@ -91,6 +91,26 @@ def test_tensions() -> None:
     assert found.comparison("rod_calibrated").score.largest < np.radians(0.01)
     assert found.comparison("rod").score.mean > np.radians(1)
     assert {"cc_from_force", "cc_from_force_arm"} <= set(found.models)
+
+
+def test_two_segments_have_no_arc_but_a_gain_each() -> None:
+    robot = bs.load_robot("rao2021")
+    rng = np.random.default_rng(7)
+    tensions = rng.uniform(0, 1.5, (24, 6)) * (rng.random((24, 6)) < 0.5)
+    x, y, z = bs.solve_batch(robot, tensions).tip_rotation[..., 2].T
+    data = replace(
+        made(1).select(np.arange(24)),
+        tensions=tensions,
+        displacements=np.full((24, 6), np.nan),
+        bend=np.arctan2(np.hypot(x, y), z),
+        direction=np.arctan2(y, x),
+    )
+    found = judge_angles(robot, data, 0.01)
+    assert all(np.isnan(c.mean_apart) for c in found.comparisons)
+    text = " ".join(found.text)
+    assert "bend gain of segment 1" in text and "bend gain of segment 2" in text
+    assert "On an arc" not in text and "One degree" not in text
+    assert found.to_dict()["comparisons"][0]["arc_tip_mean_mm"] is None
 
 
 def test_data_that_are_refused() -> None:

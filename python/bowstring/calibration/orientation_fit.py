@@ -124,9 +124,9 @@ def fit_orientation(
 
     Notes
     -----
-    Standard errors are those of M-estimation, theory Eq. 7.2, for independent noise of the same
-    size in all residuals: errors along the bend, and perpendicular to it where the direction is
-    measured.
+    Standard errors are those of M-estimation, theory Eq. 7.2, for independent noise of one size in
+    all errors along the bend, and of another in those perpendicular to it where the direction is
+    measured: a sensor that bends in one plane has none of these.
     """
     from scipy.optimize import least_squares
     from scipy.stats import t
@@ -204,7 +204,8 @@ def fit_orientation(
     left, turn = found.fun, np.inf
     if loss != "linear":
         for _ in range(3):  # the scatter of the residuals follows the estimates
-            turn = _TURN * max(spread(left, len(items)), 1e-9)
+            parts = left.reshape(before.shape).T
+            turn = _TURN * max(1e-9, *(spread(each, len(items) / len(parts)) for each in parts))
             found = solve(found.x, loss=partial(rho, loss=loss, count=left.size), f_scale=turn)
             left = residuals(found.x)
     slopes = jacobian(found.x)
@@ -219,8 +220,11 @@ def fit_orientation(
         z = (left / turn) ** 2
         _, slope, second = rho(z, loss, len(z))
         force, curvature = left * slope, slope + 2.0 * z * second
-    variance = float((force**2).sum()) / free / float(curvature.mean()) ** 2
-    error = np.sqrt(variance * np.diag(np.linalg.inv(slopes.T @ slopes)))
+    squares = (force.reshape(before.shape) ** 2).mean(axis=0)
+    variance = squares * before.size / free / float(curvature.mean()) ** 2
+    inverse = np.linalg.inv(slopes.T @ slopes)
+    by_residual = np.tile(variance, len(before))[:, None]
+    error = np.sqrt(np.diag(inverse @ (slopes.T @ (by_residual * slopes)) @ inverse))
     half = float(t.ppf(0.975, free)) * error
     values = found.x * step
     at = of_tips.predict(values)
@@ -236,7 +240,7 @@ def fit_orientation(
         int(solved.sum()),
         AngleScore.of(np.linalg.norm(errors(found.x), axis=1)),
         AngleScore.of(np.linalg.norm(before, axis=1)),
-        float(np.sqrt(variance)),
+        float(np.sqrt(variance.mean())),
         found.status > 0,
         unknowns.calibrated(values, by_displacement=commands.are_displacements)[0],
         at.rotation[:, -1, :, 2],

@@ -232,6 +232,8 @@ def judge_angles(
     check_measurements(robot, data)
     loads = loads_of(data)
     notes: list[str] = []
+    if data.direction is None:
+        notes.append("No direction was measured: the turn of the sensor's frame is not fitted.")
 
     rod = _calibrated(robot, data, rod_parameters(robot, data), RodModel(theory), notes)
     notify(0.5)
@@ -303,12 +305,10 @@ def _calibrated(
     Adds to `notes` what is not fitted.
     """
     label = DATA_MODELS["cc_calibrated" if model == "arc" else "rod_calibrated"]
-    without = f"{label}: the turn of the sensor's frame is not fitted, because {{}}."
     tries = [(names, f"{label} is left out: {{}}.")]
     if data.direction is not None:
+        without = f"{label}: the turn of the sensor's frame is not fitted, because {{}}."
         tries.insert(0, ([*names, *_TURN], without))
-    else:
-        notes.append(without.format("no direction was measured"))
     for asked, note in tries:
         try:
             found = fit_orientation(robot, data, asked, model=model)

@@ -983,6 +983,8 @@ def estimate_in_words(estimate: Estimate) -> str:
     path, _, leaf = estimate.name.rpartition(".")
     if path == "gravity":
         name = f"gravity along {'xyz'[int(leaf)]}"
+    elif path == "bend_gain.segments":
+        name = f"bend gain of segment {int(leaf) + 1}"
     else:
         named = {"E": "Young's modulus", "gain": "gain of the commands", "bend_gain": "bend gain"}
         name = named.get(leaf, leaf)
