@@ -136,6 +136,9 @@ def test_the_command(shell: Shell, tmp_path: Path) -> None:
     page = " ".join((out / "report.html").read_text("utf-8").split())
     for sentence in (*content["angles"]["text"], "angles alone, 60 rows at 60 loads"):
         assert sentence.replace("'", "&#39;") in page
+    assert content["figures"][0]["stem"] == "measured_angles"
+    drawn = page.partition('id="measured_angles"')[2].partition("</figure>")[0]
+    assert "<svg" in drawn and "CC from lengths" in drawn and "Synthetic: angles." in drawn
     rows = (out / "tables" / "measured_angles.csv").read_text("utf-8").splitlines()
     assert len(rows) == 61 and "cc_from_lengths_as_measured_error_deg" in rows[0]
     code, _, refused = shell(*asked, "--compare")

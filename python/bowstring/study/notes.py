@@ -83,7 +83,7 @@ def notes_of(
     comparisons: dict[str, Comparison],
     in_time: dict[str, Comparison],
     data: AgainstData | None,
-    angles: AgainstAngles | None,
+    angles: AgainstAngles | None = None,
 ) -> tuple[str, ...]:
     """Assumptions and limits of a study in sentences."""
     simulated = (

@@ -23,6 +23,7 @@ from bowstring.study.comparison import Model
 from bowstring.study.design_map import caption_of
 from bowstring.study.error_budget import Budget
 from bowstring.study.figure_list import (
+    ANGLE_FIGURES,
     BRICKS_IN,
     DATA_FIGURES,
     FE_FIGURES,
@@ -140,7 +141,7 @@ class Study:
 
     @property
     def figures(self) -> tuple[Figure, ...]:
-        """Figures of the study: `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES`, `DATA_FIGURES`."""
+        """Figures of the study: `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES`, and of the data."""
         missing = ["fig05_over_time"] * (self.dynamics is None)
         missing += ["fig02_disk"] * bool(self.without_disks)
         missing += ["variable_curvature"] * (not self.shapes.curves)
@@ -161,6 +162,11 @@ class Study:
         found = [*(SOLID_FIGURES if self.solid else ()), *found]
         if self.bricks is not None and len(self.bricks.run.states) > 1:
             found += FE_FIGURES
+        if self.angles is not None:
+            found = [
+                *(replace(f, caption=f"{self.angles.title}. {f.caption}") for f in ANGLE_FIGURES),
+                *found,
+            ]
         if self.data is None:
             return tuple(found)
         absent = {"measured_residuals"} if self.data.calibration is None else set()
