@@ -3,7 +3,7 @@ PYTHON ?= python3
 ROBOT ?= amouri2019
 RESOLUTION ?= lowest-direct
 # of the extras, view and rerun are in no lock: viser holds rich below 15, rerun-sdk takes 170 MB
-SMALL_EXTRAS := --extra excel --extra download --extra uncertainty --extra cluster --extra jax --extra gymnasium
+SMALL_EXTRAS := --extra excel --extra download --extra uncertainty --extra cluster --extra jax --extra gymnasium --extra rosbag --extra matlab
 VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates/bowstring-rod crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock

@@ -79,6 +79,21 @@ def test_a_robust_loss_takes_no_notice_of_outliers() -> None:
     assert robust == pytest.approx(GAIN, abs=0.01) and plain > GAIN + 0.02
 
 
+@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+def test_a_sensor_that_bends_in_a_plane(loss: str) -> None:
+    """Its direction has no noise; the standard error is that of the bends alone."""
+    data = made(5)
+    assert data.bend is not None
+    plane = made(5, noise=0.0)
+    data = replace(data, direction=plane.direction)
+    (gain,) = fit_orientation(ROBOT, data, ["bend_gain"], model="arc", loss=loss).estimates  # type: ignore[arg-type]
+    alone = replace(data, direction=None)
+    (of_bends,) = fit_orientation(ROBOT, alone, ["bend_gain"], model="arc", loss=loss).estimates  # type: ignore[arg-type]
+    assert gain.value == pytest.approx(of_bends.value, abs=of_bends.standard_error)
+    assert gain.standard_error == pytest.approx(of_bends.standard_error, rel=0.35)
+    assert abs(gain.value - GAIN) < 3 * gain.standard_error
+
+
 def test_the_base_of_a_sensor_is_fitted() -> None:
     """A tilted frame and an angle of the holes, beside the gain; bends have no sign or turns."""
     data = made(4, noise=0.0)

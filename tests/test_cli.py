@@ -182,7 +182,7 @@ def test_help_and_version(shell: Shell) -> None:
 
 
 def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    extras = "build123d openpyxl SALib distributed jax gymnasium viser rerun torch"
+    extras = "build123d openpyxl mcap h5py SALib distributed jax gymnasium viser rerun torch"
     for extra in extras.split():
         monkeypatch.setitem(sys.modules, extra, None)
     monkeypatch.setenv("PATH", "")
@@ -193,6 +193,8 @@ def test_doctor_reports_missing_parts(shell: Shell, monkeypatch: pytest.MonkeyPa
     assert {name: part["cure"].split(" ")[-1] for name, part in parts.items()} == {
         "build123d": "'bowstring[cad]'",
         "openpyxl": "'bowstring[excel]'",
+        "mcap": "'bowstring[rosbag]'",
+        "h5py": "'bowstring[matlab]'",
         "SALib": "'bowstring[uncertainty]'",
         "distributed": "'bowstring[cluster]'",
         "jax": "'bowstring[jax]'",

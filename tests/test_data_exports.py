@@ -6,9 +6,11 @@ edits, or the draft says what it could not decide.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -370,6 +372,65 @@ def test_a_matlab_file_is_read_by_its_draft(
     assert found.time is not None and found.line.tolist() == list(range(1, ROWS + 1))
 
 
+def _saved_7_3(path: Path, variables: dict[str, object]) -> Path:
+    """Write arrays and structs as MATLAB does in version 7.3: HDF5 behind a header of 512 bytes."""
+    h5py = pytest.importorskip("h5py", reason="needs the extra matlab")
+
+    def fill(group: Any, values: dict[str, object]) -> None:
+        for name, value in values.items():
+            if isinstance(value, dict):
+                made = group.create_group(name)
+                made.attrs["MATLAB_class"] = np.bytes_("struct")
+                fill(made, value)
+            elif isinstance(value, str):
+                made = group.create_dataset(name, data=np.array([[ord(c)] for c in value], "u2"))
+                made.attrs["MATLAB_class"] = np.bytes_("char")
+            else:
+                array = np.atleast_2d(np.asarray(value))
+                made = group.create_dataset(name, data=array.T if array.shape[0] > 1 else array)
+                made.attrs["MATLAB_class"] = np.bytes_("double")
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        fill(file, variables)
+        table = file.create_dataset("table", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], "u4"))
+        table.attrs["MATLAB_class"] = np.bytes_("table")
+        table.attrs["MATLAB_object_decode"] = np.int32(3)
+        file.create_group("#refs#")
+        file["elsewhere"] = h5py.ExternalLink("/etc/hostname", "/")
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    return path
+
+
+def test_a_matlab_file_of_version_7_3_is_read_by_its_draft(
+    motion: Motion, robot: bs.Robot, tmp_path: Path
+) -> None:
+    log = {"time": motion.time[:, None], "cable": 1e3 * motion.displacements}
+    path = _saved_7_3(
+        tmp_path / "run.mat", {"log": log, "tip": 1e3 * motion.tip, "rig": "B", "gain": 2.0}
+    )
+    text = _drafted(path, robot)
+    (tmp_path / "map.yaml").write_text(text)
+    found = read_measurements(path, robot, tmp_path / "map.yaml")
+    np.testing.assert_allclose(found.tip, motion.tip, atol=1e-12)
+    np.testing.assert_allclose(found.displacements, motion.displacements, atol=1e-12)
+    _saved_7_3(path, {"rig": "B", "gain": 2.0})
+    with pytest.raises(InputError, match="tables and timetables of MATLAB are saved by writetable"):
+        read_measurements(path)
+    data = path.read_bytes()
+    path.write_bytes(data[:600])
+    with pytest.raises(InputError, match="this MATLAB file cannot be read"):
+        read_measurements(path)
+
+
+def test_version_7_3_needs_an_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(600))
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(InputError, match=r"need h5py.*'bowstring\[matlab\]'; or save the file"):
+        read_measurements(path)
+
+
 def test_variables_of_different_lengths_are_two_tables(motion: Motion, tmp_path: Path) -> None:
     variables = {
         "t": motion.time,
@@ -405,9 +466,6 @@ join: {file: run.mat, table: {block: force}, time: {column: clock, unit: s}}
 
 def test_matlab_files_that_are_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.mat"
-    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(200))
-    with pytest.raises(InputError, match=r"version 7.3; save it with save"):
-        read_measurements(path)
     data = _saved(path, {"F": np.arange(5_000.0)}).read_bytes()
     path.write_bytes(data[:300])
     with pytest.raises(InputError, match="this MATLAB file cannot be read"):

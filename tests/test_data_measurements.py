@@ -1044,6 +1044,28 @@ def test_the_likely_zero_of_load_cells_is_named(file: Write) -> None:
     assert "The likely zero is 1.3" in found.doubt and "'# zero: 1.3" in found.doubt
 
 
+@pytest.mark.parametrize("pretension", [0.0, 3.0])
+def test_tensions_with_turned_signs_are_no_zeros(file: Write, pretension: float) -> None:
+    rng = np.random.default_rng(4)
+    loads = np.maximum(rng.uniform(-20, 40, (80, 3)), 0.0) + pretension
+    loads += rng.normal(0.0, 0.01, loads.shape)
+
+    def rows(signs: Sequence[int]) -> str:
+        lines = (f"{a:.4f},{b:.4f},{c:.4f},1,2,{k}" for k, (a, b, c) in enumerate(loads * signs))
+        head = "tension_1_N,tension_2_N,tension_3_N,tip_x_mm,tip_y_mm,tip_z_mm"
+        return "\n".join([head, *lines])
+
+    with pytest.raises(InputError) as refused:
+        read_measurements(file(rows([-1, -1, -1])))
+    assert "tension_1_N, tension_2_N and tension_3_N read below zero" in str(refused.value)
+    assert "{column: tension_1_N, sign: -1} and so on." in str(refused.value)
+    assert "zero in the mapping" not in str(refused.value)
+    if not pretension:  # some rows have that tendon without load
+        found = read_measurements(file(rows([1, -1, 1])))
+        assert found.negated == ("tension_2_N",) and "sign: -1}." in found.doubt
+        assert read_measurements(file(rows([1, 1, 1]))).negated == ()
+
+
 @pytest.mark.parametrize("zero", ["first", "rows 1-1", "1.3 -0.4 0.7"])
 def test_zeros_in_a_comment(file: Write, zero: str) -> None:
     found = read_measurements(file(f"# zero: {zero}\n" + load_cells([1.3, -0.4, 0.7], 0)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +192,37 @@ def test_shifts_of_motions_with_several_peaks_or_a_flat_one(motion: str, lag: fl
     named = re.search(r"tips are (\S+) s (behind|ahead of) the commands", sentence)
     assert named, sentence
     assert float(named[1]) * (1 if named[2] == "behind" else -1) == pytest.approx(lag, abs=0.03)
+
+
+@pytest.mark.parametrize("lag", [0.08, -0.1])
+def test_a_small_shift_that_the_data_prove_is_a_remark(lag: float) -> None:
+    found = check_tendons(STUDY, replace(late_table(lag), join=Joined(0.0, True)))
+    assert found.found == "as_stated" and 0.05 < found.unexplained < 0.1
+    assert f"write shift: {lag:.3g} s in the mapping's join" in found.remark
+    assert found.remark in found.sentence
+    fitted = check_tendons(STUDY, late_table(lag), delay_is_fitted=True)
+    assert not fitted.remark and fitted.unexplained < 0.05
+
+
+@pytest.mark.parametrize("motion", ["triangle", "sines"])
+@pytest.mark.parametrize("backlash", [0.5e-3, 2e-3])
+def test_hysteresis_is_no_shift_of_the_clocks(motion: str, backlash: float) -> None:
+    """Behind a backlash the tips are late too, by a time that differs with the speed."""
+    data = late_table(0.0)
+    assert data.time is not None
+    commands = swings(data.time)
+    if motion == "triangle":
+        share = np.abs((data.time / 6.3) % 2 - 1)
+        commands = 8e-3 * np.outer(share, np.cos(np.radians([0, 120, 240])))
+    moved = commands.copy()
+    for before, now in pairwise(moved):
+        np.clip(before, now - backlash / 2, now + backlash / 2, out=now)
+    moved -= moved.mean(axis=1, keepdims=True)
+    arcs = bs.constant_curvature.RobotArcs.from_lengths(STUDY, STUDY.length - moved)
+    found = check_tendons(
+        STUDY, replace(data, displacements=commands, points=arcs.tip.position[:, None])
+    )
+    assert found.found == "as_stated" and not found.remark, found.sentence
 
 
 def test_clocks_are_not_blamed_for_the_order_nor_for_noise() -> None:
@@ -428,6 +459,21 @@ def test_a_shift_of_all_displacements_is_named() -> None:
         assert re.search(says, found.sentence) and "straight robot off all rows" in found.sentence
 
 
+@pytest.mark.parametrize("zero", [0.0, 2.0])
+def test_turned_signs_of_displacements_are_named_before_a_zero(zero: float) -> None:
+    """Turned signs lengthen all tendons of a robot whose tendons stretch by what is common."""
+    soft = STUDY.with_({"segments.0.tendons.compliance": "0.2 mm/N"})
+    data = arcs_of(soft, 0.1)
+    found = check_tendons(soft, replace(data, displacements=-data.displacements - zero))
+    assert found.alarm and "Write positive: lengthened in the mapping" in found.sentence
+    assert found.sentence.startswith("The sign of the displacements looks turned")
+    assert ("straight robot off all rows" in found.sentence) == bool(zero)
+    # alone they are a base that is turned by half a turn, or that
+    exact = arcs_of(STUDY, 0.0)
+    half = check_tendons(STUDY, replace(exact, displacements=-exact.displacements))
+    assert half.found == "turned" and "if it is not, the sign of the displacements" in half.sentence
+
+
 def test_the_zero_of_displacements_is_named_in_their_unit() -> None:
     zeros = np.array([2048.0, 1990.0, 2100.0])
     data = arcs_of(STUDY, 2e-5 * zeros)  # counts of 0.02 mm
@@ -472,7 +518,28 @@ def test_a_shift_that_the_robot_follows_is_not_named() -> None:
         soft = STUDY.with_({f"segments.0.tendons.{field}": "0.2 mm/N"})
         assert not check_tendons(soft, arcs_of(STUDY, 0.1)).alarm
     rubber = STUDY.with_({"segments.0.backbone.E": "1 MPa", "segments.0.backbone.diameter": 0.04})
-    assert not check_tendons(rubber, arcs_of(STUDY, 0.03)).alarm
+    data = arcs_of(STUDY, 0.03)
+    shorter = replace(data, points=data.points * (1 - 0.03 / STUDY.length))
+    assert not check_tendons(rubber, shorter).alarm
+    at_its_place = check_tendons(rubber, data)
+    assert at_its_place.alarm
+    assert "In line 0 the displacements have 30 mm in common" in at_its_place.sentence
+    assert "the tip is where the straight robot has it" in at_its_place.sentence
+
+
+@pytest.mark.parametrize("shift", [(6, -6, 6, -6), (-1, 9, -1, 9)])
+def test_a_shift_that_opposite_tendons_contradict_is_named(shift: tuple[int, ...]) -> None:
+    """Its mean is none or hides it; two opposite tendons cannot both be shortened."""
+    robot = STUDY.with_({"segments.0.tendons": {"count": 4, "pitch_radius": 0.029}})
+    moved = 6e-3 * np.cos(np.linspace(0, 9, 30)[:, None] - robot.tendons.angle_rad)
+    moved *= np.linspace(0.2, 1, 30)[:, None]
+    arcs = bs.constant_curvature.RobotArcs.from_lengths(robot, STUDY.length - moved)
+    none = np.full_like(moved, np.nan)
+    data = made(STUDY, np.repeat(PLANE[:1], 30, axis=0))
+    data = replace(data, tensions=none, displacements=moved, points=arcs.tip.position[:, None])
+    assert not check_tendons(robot, data).alarm
+    found = check_tendons(robot, replace(data, displacements=moved + 1e-3 * np.array(shift)))
+    assert found.alarm and f"have {max(shift)} mm or more in common" in found.sentence
 
 
 def test_one_tendon_has_no_shift_of_its_own() -> None:

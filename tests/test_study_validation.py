@@ -497,7 +497,6 @@ def test_measurements_that_cannot_be_validated(robot: bs.Robot, bench: Measureme
         (bench.select(np.flatnonzero(bench.tensions[:, 0] < 6.0)), "at 2 loads only"),
         (replace(bench, points=gap), "there are 3 rows"),
         (replace(bench, points=still), "the tip is in the same place"),
-        (replace(bench, points=np.zeros((count, 0, 3)), bend=np.zeros(count)), "angles only"),
         (replace(bench, scale=None), "in pixels"),
     ]
     for data, words in cases:

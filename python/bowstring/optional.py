@@ -34,6 +34,10 @@ class Extra(NamedTuple):
 EXTRAS: Final = {
     "cad": Extra("build123d", "solids", "solids of bowstring export", "bowstring[cad]"),
     "excel": Extra("openpyxl", "Excel tables", "measurements as .xlsx", "bowstring[excel]"),
+    "rosbag": Extra("mcap", "ROS bags", "measurements as .mcap", "bowstring[rosbag]"),
+    "matlab": Extra(
+        "h5py", "MATLAB files of version 7.3", "measurements as .mat 7.3", "bowstring[matlab]"
+    ),
     "download": Extra("requests", "downloads", "bowstring data get", "bowstring[download]"),
     "uncertainty": Extra(
         "SALib", "screening and second-order indices", "Morris screening", "bowstring[uncertainty]"

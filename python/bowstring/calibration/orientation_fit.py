@@ -29,7 +29,7 @@ from bowstring.validation import shown
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
 
-__all__ = ["AngleScore", "OrientationFit", "fit_orientation"]
+__all__ = ["AngleScore", "OrientationFit", "angle_errors", "fit_orientation"]
 
 Floats = NDArray[np.float64]
 
@@ -52,9 +52,8 @@ class AngleScore(Result):
     """Largest, rad."""
 
     @classmethod
-    def of(cls, residuals: Floats) -> AngleScore:
-        """Score of residuals (K, D), rad."""
-        size = np.linalg.norm(residuals, axis=1)
+    def of(cls, size: Floats) -> AngleScore:
+        """Score of absolute errors (K,), rad."""
         return cls(float(np.sqrt((size**2).mean())), float(size.mean()), float(size.max()))
 
 
@@ -76,6 +75,13 @@ class OrientationFit(Result):
     """Scatter of a residual about the fit, rad."""
     converged: Annotated[bool, Key()]
     """Whether the fit converged."""
+    robot: Robot
+    """Calibrated robot."""
+    tip_direction: Floats
+    """Predicted direction of the tip (K, 3) in the base frame, a unit vector; NaN without an
+    equilibrium."""
+    turn: Floats
+    """Rotation vector (3,) of the base in the measuring frame, rad."""
 
 
 def fit_orientation(
@@ -118,9 +124,9 @@ def fit_orientation(
 
     Notes
     -----
-    Standard errors are those of M-estimation, theory Eq. 7.2, for independent noise of the same
-    size in all residuals: errors along the bend, and perpendicular to it where the direction is
-    measured.
+    Standard errors are those of M-estimation, theory Eq. 7.2, for independent noise of one size in
+    all errors along the bend, and of another in those perpendicular to it where the direction is
+    measured: a sensor that bends in one plane has none of these.
     """
     from scipy.optimize import least_squares
     from scipy.stats import t
@@ -155,7 +161,7 @@ def fit_orientation(
         """Residuals (K, D), rad."""
         at = of_tips.predict(scaled * step)
         predicted = at.rotation[:, -1, :, 2] @ rotation(at.setting.turn).T
-        return _errors(predicted, bend, direction)[solved]
+        return angle_errors(predicted, bend, direction)[solved]
 
     def residuals(scaled: Floats) -> Floats:
         found = errors(scaled).ravel()
@@ -198,7 +204,8 @@ def fit_orientation(
     left, turn = found.fun, np.inf
     if loss != "linear":
         for _ in range(3):  # the scatter of the residuals follows the estimates
-            turn = _TURN * max(spread(left, len(items)), 1e-9)
+            parts = left.reshape(before.shape).T
+            turn = _TURN * max(1e-9, *(spread(each, len(items) / len(parts)) for each in parts))
             found = solve(found.x, loss=partial(rho, loss=loss, count=left.size), f_scale=turn)
             left = residuals(found.x)
     slopes = jacobian(found.x)
@@ -213,9 +220,14 @@ def fit_orientation(
         z = (left / turn) ** 2
         _, slope, second = rho(z, loss, len(z))
         force, curvature = left * slope, slope + 2.0 * z * second
-    variance = float((force**2).sum()) / free / float(curvature.mean()) ** 2
-    error = np.sqrt(variance * np.diag(np.linalg.inv(slopes.T @ slopes)))
+    squares = (force.reshape(before.shape) ** 2).mean(axis=0)
+    variance = squares * before.size / free / float(curvature.mean()) ** 2
+    inverse = np.linalg.inv(slopes.T @ slopes)
+    by_residual = np.tile(variance, len(before))[:, None]
+    error = np.sqrt(np.diag(inverse @ (slopes.T @ (by_residual * slopes)) @ inverse))
     half = float(t.ppf(0.975, free)) * error
+    values = found.x * step
+    at = of_tips.predict(values)
     estimates = []
     for i, item in enumerate(items):
         ends = found.x[i], error[i], found.x[i] - half[i], found.x[i] + half[i], first[i]
@@ -226,14 +238,17 @@ def fit_orientation(
         "arc" if rod is None else "rod",
         tuple(estimates),
         int(solved.sum()),
-        AngleScore.of(errors(found.x)),
-        AngleScore.of(before),
-        float(np.sqrt(variance)),
+        AngleScore.of(np.linalg.norm(errors(found.x), axis=1)),
+        AngleScore.of(np.linalg.norm(before, axis=1)),
+        float(np.sqrt(variance.mean())),
         found.status > 0,
+        unknowns.calibrated(values, by_displacement=commands.are_displacements)[0],
+        at.rotation[:, -1, :, 2],
+        at.setting.turn,
     )
 
 
-def _errors(predicted: Floats, bend: Floats, direction: Floats | None) -> Floats:
+def angle_errors(predicted: Floats, bend: Floats, direction: Floats | None) -> Floats:
     """Errors (K, D) of predicted directions (K, 3): along the bend, and perpendicular to it."""
     x, y, z = predicted.T
     if direction is None:  # a bend angle alone has no sign

@@ -53,7 +53,10 @@ MOST_ISSUES: Final = 20  # issues in the printed table
 
 def check(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Table of measurements: CSV, TSV, .xlsx or .mat.")
+        Path,
+        typer.Argument(
+            metavar="FILE", help="Table of measurements: CSV, TSV, .xlsx, .mat or .mcap."
+        ),
     ],
     g: OfMasses,
     robot: Annotated[

@@ -147,7 +147,7 @@ def fit(
         ),
     ],
     measurements: Annotated[
-        Path | None, option("FILE", "Table of measurements: CSV, TSV, .xlsx or .mat.")
+        Path | None, option("FILE", "Table of measurements: CSV, TSV, .xlsx, .mat or .mcap.")
     ] = None,
     mapping: MappingFile = None,
     data: Annotated[

@@ -176,7 +176,7 @@ def study(
         raise Stopped(
             f"finite elements {stopped.run.message}; the same command goes on from there."
         ) from None
-    told = [*robot.warnings, *(found.data.doubts if found.data is not None and not as_json else ())]
+    told = [*robot.warnings, *(found.measured.doubts if found.measured and not as_json else ())]
     for sentence in found.warnings[len(told) :]:  # the others were or will be printed
         say("Warning", sentence)
     if as_json:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import listed, significant
 
-__all__ = ["advice", "likely_zero", "noise_about_zero", "rest", "saturated", "spikes"]
+__all__ = ["advice", "is_negated", "likely_zero", "noise_about_zero", "rest", "saturated", "spikes"]
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +22,7 @@ _MEDIAN: Final = 0.6745  # median over standard deviation of a half-normal distr
 _REACH: Final = 3.0  # standard deviations
 _GATHERED: Final = 0.85  # mean^2 over mean square; 0.64 if half-normal, 1 for equal readings
 _MORE: Final = 5.0  # readings below zero for one above, where a zero errs by one deviation
+_ABOVE: Final = 0.05  # share of the range above zero that is noise
 _LOW: Final = 0.1  # share of the range in which the readings without load lie
 _GATHER: Final = 0.2  # share of the rows there if they gather; 0.1 if readings are uniform
 _OFTEN: Final = 0.02  # share of rows above which readings are no spikes
@@ -63,6 +64,19 @@ def likely_zero(readings: Floats) -> float:
     low, high = np.quantile(readings, [_OFTEN / 2, 1.0 - _OFTEN / 2])
     near = readings[(readings >= low) & (readings <= low + _LOW * (high - low))]
     return float(np.median(near)) if len(near) > _GATHER * len(readings) else np.nan
+
+
+def is_negated(readings: Floats) -> bool:
+    """Whether readings of what is never below zero look turned in sign, not shifted.
+
+    They reach up to zero, or near it without gathering at their lowest, where readings with another
+    zero are without load.
+    """
+    top, span = float(np.quantile(readings, 1.0 - _OFTEN / 2)), _range(readings)
+    if top > _ABOVE * span or not span:
+        return False
+    is_low = np.isfinite(likely_zero(readings))
+    return top > -_SMALL * span or (not is_low and top > -_LARGE * span)
 
 
 def _few_of(count: int) -> int:
@@ -124,8 +138,19 @@ def _range(readings: Floats) -> float:
     return float(np.ptp(seen)) if len(seen) else 0.0
 
 
-def advice(zeros: Sequence[tuple[str, float]]) -> str:
-    """Sentence on the likely zeros of columns, given in their units."""
+def advice(zeros: Sequence[tuple[str, float]], negated: Sequence[str] = ()) -> str:
+    """Sentences on columns that look turned in sign, and on the likely zeros of the others.
+
+    Zeros are in the units of the columns.
+    """
+    if negated:
+        read = "reads" if len(negated) == 1 else "read"
+        said = (
+            f"{listed(negated)} {read} below zero under load: turn the sign, in a mapping by "
+            f"{{column: {negated[0]}, sign: -1}}{'' if len(negated) == 1 else ' and so on'}."
+        )
+        others = [each for each in zeros if each[0] not in negated and each[1] < 0]
+        return f"{said} {advice(others)}" if others else said
     known = [f"{significant(zero, 4)} of {name}" for name, zero in zeros if np.isfinite(zero)]
     numbers = (
         " ".join(significant(zero, 4) for _, zero in zeros) if len(known) == len(zeros) else ""

@@ -19,6 +19,7 @@ from bowstring.data.tables import (
     MARKS,
     Form,
     Table,
+    blocks_of,
     cell_number,
     default_separator,
     is_blank,
@@ -53,7 +54,7 @@ Cells = list[str]
 
 
 def detected(path: Path) -> list[Table]:
-    """Open the tables of a text file, or the first sheet of a workbook.
+    """Open the tables of a text file, the first sheet of a workbook, or the topics of a bag.
 
     Parameters
     ----------
@@ -65,6 +66,8 @@ def detected(path: Path) -> list[Table]:
         Tables with their `Table.form`; empty if no row of numbers is found.
     """
     try:
+        if topics := blocks_of(path):
+            return [open_table(path, Form(block=topic)) for topic in topics]
         lines, is_sheet = lines_of_table(path)
     except InputError:
         return []

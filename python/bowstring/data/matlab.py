@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
+from bowstring.optional import load_extra
 from bowstring.units import quote
 
 __all__ = ["is_matlab", "read_columns"]
@@ -21,6 +22,11 @@ __all__ = ["is_matlab", "read_columns"]
 _HEADER: Final = 128  # bytes
 _COMPRESSED: Final = 15  # type of an element
 _MOST_BYTES: Final = 1_000_000_000  # of all variables, unpacked
+_VERSION_7_3: Final = b"MATLAB 7.3"
+_NUMBERS: Final = {  # classes of variables
+    *("double", "single", "logical", "int8", "int16", "int32", "int64"),
+    *("uint8", "uint16", "uint32", "uint64"),
+}
 
 Array = NDArray[Any]
 
@@ -55,19 +61,14 @@ def read_columns(
     Raises
     ------
     InputError
-        If the file cannot be read, or `like` is needed.
+        If the file cannot be read, or `like` is needed, or the extra of version 7.3.
     """
-    from scipy.io import loadmat  # takes a while to load
-
-    if data.startswith(b"MATLAB 7.3"):
-        raise InputError(
-            f"{path}: this is a MATLAB file of version 7.3; save it with save(..., '-v7'), or its "
-            "table with writetable"
-        )
-    _check_size(path, data)
+    load = _version_7_3 if data.startswith(_VERSION_7_3) else _version_7
     try:
-        tree = loadmat(io.BytesIO(data), simplify_cells=True)
-    except Exception as error:  # scipy raises many kinds of exception on damaged files
+        tree = load(path, data)
+    except InputError:
+        raise
+    except Exception as error:  # the libraries raise many kinds of exception on damaged files
         text = " ".join(str(error).split())[:200]
         raise InputError(f"{path}: this MATLAB file cannot be read: {text}") from None
     found = dict(_arrays({k: v for k, v in tree.items() if not k.startswith("__")}))
@@ -97,6 +98,46 @@ def read_columns(
     return columns, [name for name, array in found.items() if len(array) != count]
 
 
+def _version_7(path: Path, data: bytes) -> dict[str, Any]:
+    """Variables of a file up to version 7, structs as dictionaries."""
+    from scipy.io import loadmat  # takes a while to load
+
+    _check_size(path, data)
+    tree: dict[str, Any] = loadmat(io.BytesIO(data), simplify_cells=True)
+    return tree
+
+
+def _version_7_3(path: Path, data: bytes) -> dict[str, Any]:
+    """Arrays of numbers of a file of version 7.3, which is HDF5, structs as dictionaries."""
+    try:
+        h5py = load_extra("matlab")
+    except InputError as error:
+        raise InputError(f"{path}: {error}; or save the file with save(..., '-v7')") from None
+    size = 0
+
+    def tree(group: Any) -> dict[str, Any]:
+        nonlocal size
+        out: dict[str, Any] = {}
+        for name in group:
+            # others lead to other files
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink) or name[0] == "#":
+                continue
+            item = group[name]
+            kind = item.attrs.get("MATLAB_class", b"")
+            kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+            if isinstance(item, h5py.Group):
+                if kind == "struct":
+                    out[name] = tree(item)
+            elif kind in _NUMBERS and not ("MATLAB_empty" in item.attrs or item.external):
+                size += item.size * item.dtype.itemsize
+                _refuse_above(path, size)
+                out[name] = np.squeeze(item[()].T)
+        return out
+
+    with h5py.File(io.BytesIO(data), "r") as file:
+        return tree(file)
+
+
 def _arrays(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Array]]:
     """Vectors and matrices of numbers, and vectors of text, with their names."""
     for name, value in tree.items():
@@ -117,12 +158,16 @@ def _check_size(path: Path, data: bytes) -> None:
         at += 8
         if kind == _COMPRESSED:
             size += _unpacked(data[at : at + count])
-        if size > _MOST_BYTES:
-            raise InputError(
-                f"{path}: the variables would unpack to more than {_MOST_BYTES // 10**6} MB, and "
-                "are not read; save the table alone"
-            )
+        _refuse_above(path, size)
         at += count
+
+
+def _refuse_above(path: Path, size: int) -> None:
+    if size > _MOST_BYTES:
+        raise InputError(
+            f"{path}: the variables would unpack to more than {_MOST_BYTES // 10**6} MB, and are "
+            "not read; save the table alone"
+        )
 
 
 def _unpacked(data: bytes) -> int:

@@ -67,6 +67,7 @@ _WRITTEN: Final = "written by Bowstring"  # identifies our tables
 _OUT: Final = "left out: "
 _MANY: Final = 10  # rows in which a measured number varies
 _FEW: Final = 0.05  # share of rows left out above which results are doubtful
+_LOADED: Final = 0.1  # range of a tension over the largest, above which the tendon is loaded
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -130,6 +131,9 @@ class Measurements:
     likely_zeros: tuple[tuple[str, float], ...] = ()
     """Columns of tensions and their likely zeros, in their own units, if rows are left out for a
     tension below zero."""
+    negated: tuple[str, ...] = ()
+    """Columns of tensions that look turned in sign, if rows are left out for a tension below
+    zero."""
     zero_error: Floats | None = None
     """Standard errors (T,) of the zeros of tensions that the file has by rows, N; 0 for others."""
     columns: tuple[Column, ...] = ()
@@ -206,7 +210,7 @@ class Measurements:
             f"{said}, {every} for a tension below zero (down to "
             f"{significant(self.least_tension, 2)} N): results are of the rows alone in which all "
             "tendons read above zero, and are biased. "
-            f"{channels.advice(self.likely_zeros)}"
+            f"{channels.advice(self.likely_zeros, self.negated)}"
         )
 
     @property
@@ -393,6 +397,7 @@ class _Reader:
         self.left_out = self.filtered = self.below_zero = 0
         self.least_tension = 0.0
         self.likely_zeros: tuple[tuple[str, float], ...] = ()
+        self.negated: tuple[str, ...] = ()
         self.faults: list[str] = []
         self.zero_error: dict[str, float] = {}
         self.unlisted = (0, 0)  # number of unlisted rows that were left out, and the last one
@@ -512,6 +517,7 @@ class _Reader:
             below_zero=self.below_zero,
             least_tension=self.least_tension,
             likely_zeros=self.likely_zeros,
+            negated=self.negated,
             zero_error=np.nan_to_num(
                 [
                     self.zero_error.get(column.name, 0.0) if kind == "tension" else 0.0
@@ -534,8 +540,10 @@ class _Reader:
             )
         line, text = min(self.issues)
         more = f" (rows left out in all: {self.left_out})" if self.left_out > 1 else ""
-        zero = f". {channels.advice(self.likely_zeros)}" if self.below_zero else ""
-        return InputError(f"{self.table.path}: no row can be read; line {line}: {text}{more}{zero}")
+        cure = ""
+        if self.below_zero:
+            cure = f". {channels.advice(self.likely_zeros, self.negated)}"
+        return InputError(f"{self.table.path}: no row can be read; line {line}: {text}{more}{cure}")
 
     def leave_out(self, line: int, why: str) -> None:
         self.left_out += 1
@@ -680,6 +688,8 @@ class _Reader:
         """Rows (K,) without a tension below zero; noise about zero is set to zero in place."""
         good = np.ones(len(lines), bool)
         zeros: list[tuple[str, float]] = []
+        negated: list[str] = []
+        most = float(np.ptp(np.nan_to_num(tensions), axis=0).max(initial=0.0))
         if not self.keep_below_zero and not (tensions < 0.0).any():
             return good
         for k, (kind, column) in enumerate(self.layout.tendons):
@@ -690,6 +700,8 @@ class _Reader:
                 continue
             likely = channels.likely_zero(readings)
             zeros.append((column.name, column.reading(likely)))
+            if np.ptp(readings) > _LOADED * most and channels.is_negated(readings):
+                negated.append(column.name)
             # a fit finds the zero, not noise about it
             zero = likely if self.keep_below_zero and np.isfinite(likely) else 0.0
             if width := channels.noise_about_zero(readings - zero):
@@ -716,7 +728,7 @@ class _Reader:
                 self.leave_out(int(lines[i]), why)
             good &= ~bad
         if self.below_zero:
-            self.likely_zeros = tuple(zeros)
+            self.likely_zeros, self.negated = tuple(zeros), tuple(negated)
         return good
 
     def find_faults(self, arrays: dict[str, Any]) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Read tables of cells with line numbers from CSV, TSV, Excel and MATLAB files.
+"""Read tables of cells with line numbers from CSV, TSV, Excel and MATLAB files and ROS bags.
 
 The format is detected from the content, not from the name.
 """
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from bowstring.atomic_io import readable
-from bowstring.data import matlab, motive
+from bowstring.data import matlab, motive, rosbag
 from bowstring.errors import InputError
 from bowstring.optional import load_extra
 from bowstring.units import NUMBER, Text, quote, wrong
@@ -36,6 +36,7 @@ __all__ = [
     "Row",
     "Table",
     "UnknownColumnsError",
+    "blocks_of",
     "cell_number",
     "default_separator",
     "is_blank",
@@ -235,10 +236,10 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
     ----------
     path : str or Path
         Text in UTF-8 (or UTF-16 with a byte order mark) with commas, semicolons or tabs between
-        cells, an Excel workbook (.xlsx), of which the first sheet is read, or a MATLAB file (.mat
-        up to version 7), whose variables are columns and lines are rows. Blank lines and lines
-        that begin with # are skipped. A CSV export of OptiTrack's Motive is recognised by its first
-        line.
+        cells, an Excel workbook (.xlsx), of which the first sheet is read, a MATLAB file (.mat),
+        whose variables are columns and lines are rows, or a ROS bag (.mcap), of which a topic is
+        read and lines are messages. Blank lines and lines that begin with # are skipped. A CSV
+        export of OptiTrack's Motive is recognised by its first line.
     form : Form, optional
         Layout of the table in the file.
 
@@ -261,6 +262,13 @@ def open_table(path: str | Path, form: Form | None = None) -> Table:
         return _workbook(path, data, sha256, form)
     if matlab.is_matlab(data):
         return _matlab(path, data, sha256, form)
+    if rosbag.is_bag(data):
+        return _bag(path, data, sha256, form)
+    if other := rosbag.other_bag(data):
+        raise InputError(
+            f"{path}: this looks like a bag in the format {other}; bags are read as .mcap, which "
+            "mcap convert makes of it"
+        )
     if data.startswith(b"\xd0\xcf\x11\xe0"):
         raise InputError(
             f"{path}: this is a workbook of the old Excel format (or a locked one); save it as "
@@ -460,11 +468,46 @@ def _matlab(path: Path, data: bytes, sha256: str, form: Form) -> Table:
     if form.model_copy(update={"block": None}) != Form():
         raise InputError(f"{path}: of the fields of table, a MATLAB file has block alone")
     columns, left = matlab.read_columns(path, data, form.block)
-    rows = ((i, list(cells)) for i, cells in enumerate(zip(*columns.values(), strict=True), 1))
-    table = Table(path, sha256, list(columns), 1, {}, ",", [], rows, form)
+    table = Table(path, sha256, [], 1, {}, ",", form=form)
     if left:
         names = ", ".join(map(quote, left[:12]))
         table.notes.append((1, f"variables with another number of rows are not read: {names}"))
+    return _of_columns(table, columns)
+
+
+def _bag(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+    if form.model_copy(update={"block": None}) != Form():
+        raise InputError(f"{path}: of the fields of table, a bag has block alone, its topic")
+    table = Table(path, sha256, [], 1, {}, ",", form=form)
+    topic = form.block
+    if topic is None:
+        topics = rosbag.topics(path, data)
+        if not topics:
+            raise InputError(f"{path}: no topic has numbers that can be read")
+        topic = topics[0]
+        if len(topics) > 1:
+            raise UnknownColumnsError(
+                f"{path}: several topics have numbers: {rosbag.in_words(topics)}; name one in a "
+                f"mapping, such as table: {{block: {topic}}}",
+                table,
+            )
+    columns, note = rosbag.read_topic(path, data, topic)
+    table.notes.append((1, note))
+    return _of_columns(table, columns)
+
+
+def blocks_of(path: Path) -> list[str]:
+    """Topics of a bag that a mapping can name as its block; empty for other files."""
+    data = _bytes(path)
+    return list(filter(is_name, rosbag.topics(path, data))) if rosbag.is_bag(data) else []
+
+
+def _of_columns(table: Table, columns: dict[str, list[str]]) -> Table:
+    """Table of columns of cells."""
+    table.header = list(columns)
+    table.rows = (
+        (i, list(cells)) for i, cells in enumerate(zip(*columns.values(), strict=True), 1)
+    )
     _check_header(table)
     return table
 

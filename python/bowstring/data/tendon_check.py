@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, islice
+from itertools import chain, combinations, islice, pairwise
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
@@ -60,12 +60,16 @@ _ABOVE: Final = 0.05  # reading without load over the range, above which it is a
 _SAME: Final = 0.03  # difference of unexplained shares that says nothing
 _STRAIGHT: Final = 0.01  # distance of a tip from that of the straight robot over its length
 _LATE: Final = 1 / 3  # unexplained share with the clocks shifted over that without
-_IN_TIME: Final = 0.1  # unexplained share up to which no shift of the clocks is searched
+_IN_TIME: Final = 0.1  # unexplained share up to which a shift of the clocks is no alarm
+_NEARLY: Final = 0.05  # and up to which none is searched
 _MOST_SAMPLES: Final = 16_384  # of an even grid of times
 _MOST_PEAKS: Final = 9
 _ALIKE: Final = 0.05  # unexplained share below which shifts are equally good
+_PLAYS: Final = (0.02, 0.05, 0.1, 0.2, 0.4)  # widths of backlash over the largest bend
 _FEWEST_SHIFTED: Final = 20  # rows
-_ALONE: Final = 0.1  # share of a common displacement that no bend has
+_MOST_BALANCES: Final = 5_000  # sets of tendons
+_BALANCED: Final = 1e-6
+_SHORTER: Final = 0.03  # shortening over the length that a tip at its place without load disproves
 _UNITS: Final = "check the unit of the tensions or masses, and E of the robot file."
 _UNMOVED: Final = 20.0  # ratio of motion to bend that no weight or load explains
 
@@ -166,7 +170,11 @@ def check_tendons(
     doubted, remark = _unloaded(motion)
     doubt = _doubted_commands(motion) or doubted or _doubted_size(motion)
     if remark:
-        found = replace(found, remark=remark, sentence=f"{found.sentence} {remark}")
+        found = replace(
+            found,
+            remark=f"{found.remark} {remark}".strip(),
+            sentence=f"{found.sentence} {remark}",
+        )
     if not doubt or found.found in ("swapped", "mirrored"):
         return found
     # an unclear order adds nothing to the doubt
@@ -177,16 +185,22 @@ def check_tendons(
 def _timed_order(motion: _Motion, delay_is_fitted: bool) -> TendonCheck:
     """Judge the order of the tendons, after the clocks of commands and tips."""
     found = _order(motion)
-    if found.unexplained <= _IN_TIME or motion.m.time is None:
+    if found.unexplained <= _NEARLY or motion.m.time is None:
         return found
     delay = _delay(motion)
     late = motion.delayed(delay) if delay else None
     if late is None:
         return found
     order = _order(late)
-    if order.found == "unclear" or (
-        order.found not in ("swapped", "mirrored") and order.unexplained > _LATE * found.unexplained
-    ):
+    wrong = ("swapped", "mirrored")
+    less = found.unexplained**2 - order.unexplained**2
+    is_late = found.unexplained > _IN_TIME and (
+        order.found in wrong or order.unexplained <= _LATE * found.unexplained
+    )
+    # arcs fit less well than a regression, and must gain as much by the shift
+    gain = motion.unexplained() ** 2 - late.unexplained() ** 2
+    is_proven = not {found.found, order.found} & {*wrong} and less > max(_NEARLY**2, 0.5 * gain)
+    if order.found == "unclear" or not (is_late or is_proven):
         return found
     if delay_is_fitted:
         return order
@@ -200,6 +214,12 @@ def _timed_order(motion: _Motion, delay_is_fitted: bool) -> TendonCheck:
         shift = joined.shift + (delay if joined.has_commands else -delay)
         say = f"The clocks of commands and tips are {significant(abs(delay))} s apart"
         cure = f"write shift: {significant(shift)} s in the mapping's join"
+    if not is_late:
+        remark = (
+            f"{say}: {cure}. Constant curvature then leaves {100 * order.unexplained:.0f} % of the "
+            f"tip's motion unexplained, not {share}."
+        )
+        return replace(found, remark=remark, sentence=f"{found.sentence} {remark}")
     sentence = (
         f"{say}, which leaves {share} of the tip's motion unexplained: {cure}. Then: "
         f"{order.sentence}"
@@ -211,7 +231,8 @@ def _delay(motion: _Motion) -> float:
     """Delay of the tips behind the commands that explains them best, s; 0 if none is better.
 
     Peaks of the cross-correlation of the tips with the bends by the linear law, in any order and
-    frame; the best peak is refined by regression.
+    frame; the best peak is refined by regression. Hysteresis is late too: a delay must explain what
+    backlashes of several widths do not.
     """
     time, tips = motion.m.time, motion.every
     assert time is not None
@@ -239,9 +260,9 @@ def _delay(motion: _Motion) -> float:
     )
     peaks = peaks[np.argsort(-explained[peaks])][:_MOST_PEAKS]
 
-    def left(delay: float) -> float:
+    def left(delay: float, plays: Sequence[float] = ()) -> float:
         late = motion.delayed(delay)
-        return np.inf if late is None else late.by_regression
+        return np.inf if late is None else late.unexplained(plays)
 
     if not len(peaks):
         return 0.0
@@ -250,6 +271,7 @@ def _delay(motion: _Motion) -> float:
         return float(min(delay + width * np.linspace(-1, 1, 11), key=left))
 
     tried = [refined(delay, step) for delay in lags[peaks] * step]
+    tried.append(refined(0.0, span / 20))  # of a periodic motion the peaks may be others
     least = min(map(left, tried))
     # a periodic motion has several, of which the smallest is the most probable
     best = min((delay for delay in tried if left(delay) <= max(_TIE * least, _ALIKE)), key=abs)
@@ -259,7 +281,9 @@ def _delay(motion: _Motion) -> float:
     while width > 0.01 * step:
         best = refined(best, width)
         width /= 5
-    return float(best) if left(best) < _CLEARLY * motion.by_regression else 0.0
+    is_proven = all(left(best, plays) < _CLEARLY * left(0.0, plays) for plays in ((), _PLAYS))
+    is_sure = min(left(0.75 * best), left(1.25 * best)) > _TIE * left(best)
+    return float(best) if is_proven and is_sure else 0.0
 
 
 def _order(motion: _Motion) -> TendonCheck:
@@ -334,10 +358,13 @@ def _agreed(
         return "as_stated", f"{text}.", []
     named = [pair for pair in alike if swaps[pair].angle < _TURNED]
     swap = f"tendons {_or(named)} are swapped, " if named else ""
+    others = "the tendons are numbered from another one"
+    sign = "the sign of the displacements is wrong"
+    is_half = abs(turn) > np.pi - _TURNED
+    errors = f"{sign}, {swap}or {others}" if is_half else f"{swap}{others}, or {sign}"
     text += (
         f". That takes a base turned by {np.degrees(turn):.0f} degrees about z in the measuring "
-        f"frame; if it is not, {swap}the tendons are numbered from another one, or the sign of the "
-        "displacements is wrong"
+        f"frame; if it is not, {errors}"
     )
     return "turned", f"{text}.", named
 
@@ -438,6 +465,25 @@ def _named_zeros(m: Measurements, si: Floats) -> str:
 
 
 def _shifted(motion: _Motion) -> str:
+    """Warn of a displacement common to all tendons, or of signs that make it one."""
+    doubt = _common(motion)
+    if not doubt:
+        return ""
+    as_read, turned = (
+        _best_gain(motion, sign * motion.bends(), motion.measured, _in_base)[1] for sign in (1, -1)
+    )
+    if not turned < min(_CLEARLY * as_read, _GOOD):
+        return doubt
+    sign = (
+        f"The sign of the displacements looks turned: with it constant curvature leaves "
+        f"{100 * as_read:.0f} % of the tip's motion unexplained, and {100 * turned:.0f} % without. "
+        "Write positive: lengthened in the mapping's tendons."
+    )
+    # zeros, where the others have one besides
+    return f"{sign} {doubt}" if _common(replace(motion, commands=-motion.commands)) else sign
+
+
+def _common(motion: _Motion) -> str:
     """Warn of a displacement common to all tendons of a segment that its backbone cannot follow.
 
     Constant curvature bends by the differences of displacements alone, and hides it. The backbone
@@ -450,12 +496,12 @@ def _shifted(motion: _Motion) -> str:
     for segment in range(len(robot.segments)):
         own = tendons.segment == segment
         holes = np.concatenate(tendons.mean_hole_m[: segment + 1, own], axis=1)
-        weight = 1.0 - holes @ np.linalg.pinv(holes, rcond=1e-9).sum(axis=1)
-        if weight.sum() < _ALONE * len(weight):  # bends by a single tendon have it too
+        balances = _balances(holes)
+        if not len(balances):  # bends by a single tendon have it too
             continue
         given = motion.commands[:, own]
         slack = given.max(axis=1)
-        shift = given @ weight / weight.sum()
+        shift = (given @ balances.T).max(axis=1)
         common, most = np.quantile(shift, [_ALL, 1.0 - _ALL]).tolist()
         passing = [float((tendons.segment >= j).sum()) for j in range(segment + 1)]
         give = tendons.compliance_m_per_N[own].max() + float(passing @ softness[: segment + 1])
@@ -464,8 +510,10 @@ def _shifted(motion: _Motion) -> str:
         where = f" of segment {segment + 1}" if len(robot.segments) > 1 else ""
         zeros = np.where(own, np.median(shift), np.nan)
         away = np.linalg.norm(motion.measured - motion.tips(0.0 * motion.bends()[:1]), axis=1)
-        if away.min() < _STRAIGHT * motion.size:  # also where each tendon has a zero of its own
-            zeros = np.where(own, motion.commands[np.argmin(away)], np.nan)
+        row = int(np.argmin(away))
+        is_straight = away[row] < _STRAIGHT * motion.size
+        if is_straight:  # also where each tendon has a zero of its own
+            zeros = np.where(own, motion.commands[row], np.nan)
         cure = (
             "The commands are not displacements from the straight robot: take those of the "
             f"straight robot off all rows.{_named_zeros(motion.m, zeros)}"
@@ -483,7 +531,34 @@ def _shifted(motion: _Motion) -> str:
                 f"The displacements{where} have {in_mm(common)} or more in common in all rows, and "
                 f"{robot.name} cannot shorten by that (it would take {force} tendon). {cure}"
             )
+        is_longer = shift[row] > _SHORTER * robot.length and not _is_elastic(robot)
+        if is_straight and motion.with_tip and is_longer:
+            line = int(motion.m.line[motion.rows[row]])
+            return (
+                f"In line {line} the displacements{where} have {in_mm(float(shift[row]))} in "
+                f"common, by which {robot.name} would be shorter, and the tip is where the "
+                f"straight robot has it. {cure}"
+            )
     return ""
+
+
+def _balances(holes: Floats) -> Floats:
+    """Weights (V, T) of few tendons whose sum no bend changes, none negative, in sum 1.
+
+    The backbone is at least as much shorter as the displacements by the weights are in sum, because
+    a tendon may be slack, and not too short. `holes` (T, 2 S) are those of each segment.
+    """
+    given = np.column_stack([holes / max(float(np.abs(holes).max()), 1e-300), np.ones(len(holes))])
+    sums, found = np.r_[np.zeros(holes.shape[1]), 1.0], []
+    sizes = range(1, int(np.linalg.matrix_rank(given, tol=1e-9)) + 1)
+    few = chain.from_iterable(combinations(range(len(holes)), size) for size in sizes)
+    for tendons in islice(few, _MOST_BALANCES):
+        weights = np.linalg.lstsq(given[list(tendons)].T, sums)[0]
+        is_exact = np.abs(weights @ given[list(tendons)] - sums).max() < _BALANCED
+        if is_exact and weights.min() > _BALANCED:
+            found.append(np.zeros(len(holes)))
+            found[-1][list(tendons)] = weights
+    return np.array(found)
 
 
 def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:
@@ -651,13 +726,16 @@ class _Motion:
         measured, rows = self.measured[inside], self.rows[inside]
         return replace(self, commands=commands, measured=measured, rows=rows)
 
-    @property
-    def by_regression(self) -> float:
-        """Share of the motion that no polynomial of degree 2 in the bends explains."""
+    def unexplained(self, plays: Sequence[float] = ()) -> float:
+        """Share of the motion that no polynomial of degree 2 in the bends explains.
+
+        With `plays`, widths of backlash over the largest bend, hysteresis is explained too.
+        """
         bends = self.commands @ self.by_tendon.T
         bends = bends / max(float(np.abs(bends).max()), 1e-300)
         pairs = [bends[:, i] * bends[:, j] for i in range(bends.shape[1]) for j in range(i + 1)]
-        given = np.column_stack([np.ones(len(bends)), bends, *pairs])
+        played = [_played(bends, width) for width in plays]
+        given = np.column_stack([np.ones(len(bends)), bends, *pairs, *played])
         left = self.measured - given @ np.linalg.lstsq(given, self.measured, rcond=None)[0]
         free = max(len(given) - given.shape[1], 1) / len(given)
         return float(np.sqrt((left**2).sum(axis=1).mean() / free)) / _spread(self.measured)
@@ -697,6 +775,14 @@ class _Motion:
         x, y = np.moveaxis(bends, -1, 0)
         arcs = RobotArcs(self.robot, Arc(np.hypot(x, y) / length, np.arctan2(y, x), length))
         return self.seen(arcs.tip.position, arcs.tip.rotation)
+
+
+def _played(values: Floats, width: float) -> Floats:
+    """Values (n, D) behind a backlash of a width, in the order of the rows."""
+    out: Floats = values.copy()
+    for before, now in pairwise(out):  # rows are views
+        np.clip(before, now - width / 2, now + width / 2, out=now)
+    return out
 
 
 def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:

@@ -16,6 +16,7 @@ from bowstring.data.rigid import Rigid
 from bowstring.data.tip_errors import Comparison
 from bowstring.schemas.basic import BaseEstimate, MeasurementIssue, Object, OrNull, about
 from bowstring.schemas.results import beside
+from bowstring.study.angle_validation import AgainstAngles
 from bowstring.study.calibration import StudyCalibration
 from bowstring.study.data_validation import DataComparison, Effect
 from bowstring.study.error_budget import Budget
@@ -200,7 +201,11 @@ class StudyResults(Object):
     data: Annotated[str, about("Origin of all numbers: simulated, and the table.")]
     registered: Annotated[bool, about("Whether measurements were registered to the base.")]
     measurements: Annotated[
-        StudyMeasurements | None, about("Comparison with measurements; `null` without.")
+        StudyMeasurements | None, about("Comparison with measured tips; `null` without.")
+    ]
+    angles: Annotated[
+        AgainstAngles | None,
+        about("Comparison with measured angles; `null` without, or where tips were measured."),
     ]
     notes: Annotated[list[str], about("Assumptions and limits in sentences.")]
     warnings: Annotated[list[str], about("Warnings, one sentence each.")]

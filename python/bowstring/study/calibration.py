@@ -31,7 +31,15 @@ from bowstring.statics.model import RodModel
 from bowstring.statics.solution import Sweep, joined
 from bowstring.study.comparison import Theory
 
-__all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "predicted"]
+__all__ = [
+    "ArcCalibration",
+    "StudyCalibration",
+    "arc_gains",
+    "calibrate",
+    "calibrate_arc",
+    "predicted",
+    "rod_parameters",
+]
 
 Array = NDArray[np.float64]
 GravityFrom = Literal["file", "assumed", "calibrated"]
@@ -131,12 +139,11 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
     InputError, NoSolutionError
         If the data do not suffice, or the robot has no equilibrium at some rows.
     """
-    by_displacement = not np.isnan(data.displacements).all()
-    names = ["gain"] if by_displacement else _stiffness(robot)
+    names = rod_parameters(robot, data)
     few = len(data) * data.tendon_count <= _MOST_SLOW
     friction = ["segments.*.tendons.friction"] if few else []
     found, notes = _identifiable(robot, data, [*names, *friction, "base"], theory, friction)
-    if not by_displacement and robot.has_matrix:
+    if names != ["gain"] and robot.has_matrix:
         notes.append(
             "A stiffness matrix is no single number and stays as in the robot file; bowstring.fit "
             "fits its entries."
@@ -201,7 +208,7 @@ def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) 
     InputError, NoSolutionError
         If the data do not suffice, or constant curvature has no arcs for them.
     """
-    names = ["bend_gain.segments" if len(robot.segments) > 1 else "bend_gain"]
+    names = arc_gains(robot)
     held: dict[str, float] = {}
     if frame is None:
         names.append("base")
@@ -231,11 +238,19 @@ def _frame(found: Fit) -> Rigid:
 # -- which parameters --------------------------------------------------------------------------
 
 
-def _stiffness(robot: Robot) -> list[str]:
-    """Names of the stiffness parameters: one if all segments have the same value.
+def arc_gains(robot: Robot) -> list[str]:
+    """Names of the parameters of calibrated constant curvature."""
+    return ["bend_gain.segments" if len(robot.segments) > 1 else "bend_gain"]
 
-    A stiffness matrix has no single number to fit.
+
+def rod_parameters(robot: Robot, data: Measurements) -> list[str]:
+    """Names of the parameters of the calibrated rod: gain of displacements, or stiffness.
+
+    One stiffness if all segments have the same value. A stiffness matrix has no single number to
+    fit.
     """
+    if not np.isnan(data.displacements).all():
+        return ["gain"]
     values = [segment.backbone.E for segment in robot.segments]
     if len(set(values)) == 1 and values[0] is not None:
         return ["segments.*.backbone.E"]

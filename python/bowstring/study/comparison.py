@@ -47,6 +47,7 @@ __all__ = [
     "arcs_of",
     "disks_by_arcs",
     "points_by_arcs",
+    "poses_by_arcs",
     "short",
 ]
 
@@ -165,11 +166,21 @@ def points_by_arcs(
     Rows without an arc are NaN; also returns the reason of the last such row.
     """
 
-    def points(arcs: RobotArcs) -> Array:
-        tip = arcs.tip
-        return tip.position if tool is None else np.asarray(tip.position + tip.rotation @ tool)
+    position, rotation, reason = poses_by_arcs(robot, name, commands)
+    return position if tool is None else np.asarray(position + rotation @ tool), reason
 
-    return _by_arcs(robot, name, commands, points, (3,))
+
+def poses_by_arcs(robot: Robot, name: str, commands: Array) -> tuple[Array, Array, str]:
+    """Position (n, 3), m, and rotation (n, 3, 3) of the tip by constant curvature.
+
+    Rows without an arc are NaN; also returns the reason of the last such row.
+    """
+
+    def poses(arcs: RobotArcs) -> Array:
+        return np.concatenate([arcs.tip.position[..., None], arcs.tip.rotation], axis=-1)
+
+    found, reason = _by_arcs(robot, name, commands, poses, (3, 4))
+    return found[..., 0], found[..., 1:], reason
 
 
 def disks_by_arcs(robot: Robot, name: str, commands: Array) -> Array:

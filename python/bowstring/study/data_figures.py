@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from bowstring.study.data_validation import AgainstData
 
 __all__ = [
+    "measured_angles",
     "measured_comparison",
     "measured_errors",
     "measured_parts",
@@ -135,6 +136,22 @@ def measured_comparison(study: Study) -> Figure:
     percent = axes.secondary_xaxis("top", functions=(in_percents, back))
     percent.set_xlabel(f"% of length; {_label(found)}", fontsize=8.5)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    return figure
+
+
+def measured_angles(study: Study) -> Figure:
+    """Draw the angle errors over load, by model."""
+    found = study.angles
+    assert found is not None
+    figure, (axes,) = subplots(1, 3.6)
+    for name, (label, colour, marker) in _MODEL_LOOKS.items():
+        if name in found.models:
+            error = np.degrees(found.comparison(name).error)
+            style: dict[str, Any] = {"color": LIGHT[colour], "markersize": 3.5}
+            axes.plot(found.loads.axis, error, marker, label=label, **style)
+    axes.set(xlabel=found.loads.label, ylabel=f"angle to the {found.data.source} tip (deg)")
+    axes.set_ylim(bottom=0.0)
+    legend_above(axes, 3)
     return figure
 
 

@@ -19,7 +19,7 @@ table), in base axes. All values are in SI; K is the number of rows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -56,7 +56,7 @@ from bowstring.study.calibration import (
     calibrate_arc,
     predicted,
 )
-from bowstring.study.comparison import FROM_FORCE, Theory, points_by_arcs
+from bowstring.study.comparison import FROM_FORCE, Theory, poses_by_arcs
 
 if TYPE_CHECKING:
     from bowstring.schemas import basic as schema
@@ -64,12 +64,19 @@ if TYPE_CHECKING:
 __all__ = [
     "DATA_MODELS",
     "FRAMES",
+    "SUBJECTS",
     "AgainstData",
     "DataComparison",
     "Effect",
     "Loads",
     "check_measurements",
+    "estimate_in_words",
     "judge_data",
+    "labels_of",
+    "loads_of",
+    "rows_in_words",
+    "rows_seen",
+    "tip_poses",
 ]
 
 Array = NDArray[np.float64]
@@ -280,14 +287,7 @@ class AgainstData:
     @property
     def labels(self) -> dict[str, str]:
         """Labels of the models; they state tendon lengths that were not measured."""
-        whose = {
-            "rod_calibrated": "CC from lengths of the calibrated rod",
-            "rod": "CC from lengths of the rod",
-        }.get(self.lengths_of)
-        return {
-            name: DATA_MODELS[name].replace("CC from lengths", whose or "CC from lengths")
-            for name in self.models
-        }
+        return labels_of(self.models, self.lengths_of)
 
     @property
     def calibrated_friction(self) -> Robot | None:
@@ -362,6 +362,15 @@ class AgainstData:
         }
 
 
+def labels_of(models: Iterable[str], lengths_of: str) -> dict[str, str]:
+    """Labels of models; they state tendon lengths that were not measured."""
+    whose = {
+        "rod_calibrated": "CC from lengths of the calibrated rod",
+        "rod": "CC from lengths of the rod",
+    }.get(lengths_of, "CC from lengths")
+    return {name: DATA_MODELS[name].replace("CC from lengths", whose) for name in models}
+
+
 def _turn(frame: Rigid) -> float:
     return math.degrees(float(np.linalg.norm(frame.rotation_vector)))
 
@@ -379,8 +388,8 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
     Raises
     ------
     InputError
-        For data of another robot, without tips or without a scale, too few or too many rows, too
-        few loads, and for swapped tendons or a reversed numbering.
+        For data of another robot, without a scale, too few or too many rows, too few loads, and
+        for swapped tendons or a reversed numbering.
     """
     name = data.name if data.path is None else str(data.path)
     count = len(robot.tendons.segment)
@@ -390,17 +399,12 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
             f"tendon{'s' * (data.tendon_count != 1)}, {robot.name} has {count}; name the robot "
             "that was measured"
         )
-    if data.points.shape[1] == 0:
-        raise InputError(
-            f"{name}: there are angles only and no measured tip; a study compares tip positions, "
-            "give tip_x_mm, tip_y_mm and tip_z_mm; fit --model arc --parameter bend_gain fits "
-            "constant curvature to the angles"
-        )
     if data.scale is None:
         raise InputError(
             f"{name}: the points are in pixels and have no scale; give tips in mm for a study"
         )
-    count = int(data.seen.sum())
+    seen = rows_seen(data)
+    count = int(seen.sum())
     if count < _FEWEST_ROWS:
         rows = "there is one row" if count == 1 else f"there are {count} rows"
         raise InputError(
@@ -412,15 +416,18 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
             f"{name}: {len(data)} rows are too many for a study, which takes up to {_MOST_ROWS}; "
             "average neighbouring rows, or take every tenth"
         )
-    measured = data.select(data.seen)
-    loads = _loads(measured).count
+    measured = data.select(seen)
+    loads = loads_of(measured).count
     if loads < _FEWEST_LOADS:
         at = "all rows are at one load" if loads == 1 else f"the rows are at {loads} loads only"
         raise InputError(
             f"{name}: {at}; how an error grows with the load needs {_FEWEST_LOADS} different "
             "loads or more"
         )
-    if float(np.ptp(measured.tip, axis=0).max()) == 0.0:
+    if not measured.points.shape[1]:
+        if measured.bend is None or float(np.ptp(measured.bend)) == 0.0:
+            raise InputError(f"{name}: the bend angle is the same in all rows; it was not measured")
+    elif float(np.ptp(measured.tip, axis=0).max()) == 0.0:
         raise InputError(f"{name}: the tip is in the same place in all rows; it was not measured")
     order = check_tendons(robot, data)
     # "unclear" is left to the comparison
@@ -428,7 +435,12 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
         raise InputError(f"{name}: {order.sentence.rstrip('.')}; mend the table or its mapping")
 
 
-def _loads(data: Measurements) -> Loads:
+def rows_seen(data: Measurements) -> Bools:
+    """Whether a row has a measured tip (K,); of data with angles only all rows have an angle."""
+    return data.seen if data.points.shape[1] else np.ones(len(data), bool)
+
+
+def loads_of(data: Measurements) -> Loads:
     """Derive loads, loading and unloading, and repeats from the commands."""
     by_displacement = ~np.isnan(data.displacements)
     commands = np.where(by_displacement, data.displacements, data.tensions)
@@ -507,6 +519,8 @@ def judge_data(
     InputError
         If the data cannot be judged.
     """
+    if not data.points.shape[1]:
+        raise InputError(f"{data.name} has angles only; judge_angles compares them")
     report = progress or (lambda share: None)
     own_share = 0.2 if compare else 1.0
 
@@ -514,7 +528,7 @@ def judge_data(
         report(own_share * share)
 
     check_measurements(robot, data)
-    loads = _loads(data)
+    loads = loads_of(data)
     notes: list[str] = []
     calibration: StudyCalibration | None = None
     try:
@@ -661,24 +675,47 @@ def _points(
 
     Also the source of the tendon lengths, and reasons for missing models.
     """
-    why = []
-    out: dict[str, Array] = {}
-    file = predicted(robot, data, theory)
-    if np.any(file.converged):
-        out["rod"] = file.tip_position + file.tip_rotation @ data.tool
-    else:
-        why.append("The rod as the robot file has it has no equilibrium at any row.")
+    calibrated = None
+    if calibration is not None:
+        calibrated = calibration.robot, calibration.gain_outside
+    poses, lengths_of, why = tip_poses(robot, data, theory, calibrated)
+    out = {name: position + rotation @ data.tool for name, (position, rotation) in poses.items()}
     if calibration is not None:
         out["rod_calibrated"] = calibration.point
+    for name, found in out.items():
+        gaps = int((~np.isfinite(found).all(axis=1) & data.seen).sum())
+        if gaps:
+            why.append(
+                f"{DATA_MODELS[name]} has no solution for {gaps} of {int(data.seen.sum())} rows; "
+                "its numbers are over the others."
+            )
+    return out, lengths_of, why
+
+
+def tip_poses(
+    robot: Robot, data: Measurements, theory: Theory, calibrated: tuple[Robot, float] | None
+) -> tuple[dict[str, tuple[Array, Array]], str, list[str]]:
+    """Position (K, 3), m, and rotation (K, 3, 3) of the tip by each model without calibration.
+
+    Also the source of the tendon lengths, and reasons for missing models. The calibrated robot,
+    with the gain of its commands, has the lengths where none were measured.
+    """
+    why = []
+    out: dict[str, tuple[Array, Array]] = {}
+    file = predicted(robot, data, theory)
+    if np.any(file.converged):
+        out["rod"] = file.tip_position, file.tip_rotation
+    else:
+        why.append("The rod as the robot file has it has no equilibrium at any row.")
     if not np.isnan(data.displacements).any():
         lengths_of = "measurement"
         moved = actuation.driven(robot, data.displacements)
         lengths = robot.disks.station_m[robot.tendons.end_disk] - moved
     else:
         lengths_of, whose, sweep = "rod", "the rod as the robot file has it", file
-        if calibration is not None:
+        if calibrated is not None:
             lengths_of, whose = "rod_calibrated", "the calibrated rod"
-            sweep = predicted(calibration.robot, data, theory, calibration.gain_outside)
+            sweep = predicted(calibrated[0], data, theory, calibrated[1])
         lengths = sweep.tendon_lengths
         why.append(
             "Tendon lengths were not measured: constant curvature from lengths gets those that "
@@ -690,19 +727,12 @@ def _points(
     else:
         fed |= dict.fromkeys(FROM_FORCE, data.tensions)
     for name, commands in fed.items():
-        found, reason = points_by_arcs(robot, name, commands, data.tool)
-        if np.isfinite(found).any():
-            out[name] = found
+        position, rotation, reason = poses_by_arcs(robot, name, commands)
+        if np.isfinite(position).any():
+            out[name] = position, rotation
         else:
             reason = reason.rstrip(".") or "it has no arcs"
             why.append(f"{DATA_MODELS[name]} is left out: {reason}.")
-    for name, found in out.items():
-        gaps = int((~np.isfinite(found).all(axis=1) & data.seen).sum())
-        if gaps:
-            why.append(
-                f"{DATA_MODELS[name]} has no solution for {gaps} of {int(data.seen.sum())} rows; "
-                "its numbers are over the others."
-            )
     return out, lengths_of, why
 
 
@@ -828,22 +858,8 @@ def _decomposition(
 
 
 def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple[str, ...]:
-    data, loads = found.data, found.loads
-    repeats = len(np.unique(loads.run))
-    ways = "loading only" if loads.loading.all() else "loading and unloading"
-    if not loads.single:
-        ways = "several commands change"
-    left = f" {data.left_out} rows of the table are left out." if data.left_out else ""
-    if data.without_tip:
-        left += (
-            f" {data.without_tip} of the rows have no measured tip; they lead the path, and count "
-            "in no number."
-        )
-    out = [
-        f"{data.source.capitalize()} data, {data.name}: {len(data)} rows at {loads.count} loads, "
-        f"{ways}{f', {repeats} runs' if repeats > 1 else ''}.{left}"
-    ]
-    out += [_sentence(found, name, tolerance) for name in _SUBJECT if name in found.models]
+    out = [rows_in_words(found.data, found.loads)]
+    out += [_sentence(found, name, tolerance) for name in SUBJECTS if name in found.models]
     out.append(_of_the_rod(found))
     if order.found in ("turned", "unclear"):  # a fitted base frame would hide this
         out.append(order.sentence)
@@ -873,11 +889,30 @@ def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple
     return tuple(out)
 
 
-_SUBJECT: Final = {
+def rows_in_words(data: Measurements, loads: Loads) -> str:
+    """Rows, loads and repeats of the data in a sentence."""
+    repeats = len(np.unique(loads.run))
+    ways = "loading only" if loads.loading.all() else "loading and unloading"
+    if not loads.single:
+        ways = "several commands change"
+    left = f" {data.left_out} rows of the table are left out." if data.left_out else ""
+    if data.without_tip:
+        left += (
+            f" {data.without_tip} of the rows have no measured tip; they lead the path, and count "
+            "in no number."
+        )
+    return (
+        f"{data.source.capitalize()} data, {data.name}: {len(data)} rows at {loads.count} loads, "
+        f"{ways}{f', {repeats} runs' if repeats > 1 else ''}.{left}"
+    )
+
+
+SUBJECTS: Final = {
     "cc_from_force": "Constant curvature from force",
     "cc_from_lengths": "Constant curvature from lengths",
     "cc_calibrated": "Constant curvature calibrated to these data",
 }
+"""Models of constant curvature that the text has, and how a sentence on them begins."""
 
 
 def _mean(c: DataComparison) -> str:
@@ -895,7 +930,7 @@ def _over(c: DataComparison, found: AgainstData) -> str:
 
 def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
     registered = found.comparison(name)
-    subject = _SUBJECT[name]
+    subject = SUBJECTS[name]
     own = name == "cc_calibrated"
     if own and found.gains:
         gains = ", ".join(significant(g, 4) for g in found.gains.values())
@@ -937,19 +972,22 @@ def _of_the_rod(found: AgainstData) -> str:
     if found.calibration is not None:
         estimates = [e for e in found.calibration.fit.estimates if "base." not in e.name]
         text += (
-            f" Calibrated are {listed([_said(e) for e in estimates])}; the base is turned by "
-            f"{significant(_turn(found.frame))} deg against the measuring frame."
+            f" Calibrated are {listed([estimate_in_words(e) for e in estimates])}; the base is "
+            f"turned by {significant(_turn(found.frame))} deg against the measuring frame."
         )
     return text
 
 
-def _said(estimate: Estimate) -> str:
+def estimate_in_words(estimate: Estimate) -> str:
     """Name and value of a parameter with its standard error."""
     path, _, leaf = estimate.name.rpartition(".")
     if path == "gravity":
         name = f"gravity along {'xyz'[int(leaf)]}"
+    elif path == "bend_gain.segments":
+        name = f"bend gain of segment {int(leaf) + 1}"
     else:
-        name = {"E": "Young's modulus", "gain": "gain of the commands"}.get(leaf, leaf)
+        named = {"E": "Young's modulus", "gain": "gain of the commands", "bend_gain": "bend gain"}
+        name = named.get(leaf, leaf)
         segment = path.split(".")[1] if path.startswith("segments.") else "*"
         if segment.isdecimal():
             name += f" of segment {int(segment) + 1}"

@@ -10,6 +10,7 @@ from bowstring.robot.model import Robot
 from bowstring.study.ramp_response import has_surface, without_surface
 
 __all__ = [
+    "ANGLE_FIGURES",
     "BRICKS_IN",
     "DATA_FIGURES",
     "FE_FIGURES",
@@ -195,6 +196,17 @@ BRICKS_IN: Final = {
     "fig11_errors": " Plus signs: its Euclidean difference from 3-D finite elements.",
 }
 """Ends of captions in a study with finite elements."""
+
+ANGLE_FIGURES: Final = (
+    Figure(
+        "measured_angles",
+        "Angle error against load",
+        "Angle between the predicted and the measured direction of the tip, without directions the "
+        "error of the bend angle, in the first frame of each model; Amouri (2019) has no such "
+        "figure.",
+    ),
+)
+"""Figure of a study with measured angles alone."""
 
 DATA_FIGURES: Final = (
     Figure(

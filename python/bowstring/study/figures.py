@@ -19,6 +19,7 @@ from bowstring.statics.model import RodModel
 from bowstring.study.actuation_budget import COMMANDED, ActuationBudget
 from bowstring.study.comparison import short
 from bowstring.study.data_figures import (
+    measured_angles,
     measured_comparison,
     measured_errors,
     measured_parts,
@@ -735,6 +736,7 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "hysteresis": _hysteresis,
     "fig09_measured_tip": measured_tip,
     "fig12_measured_errors": measured_errors,
+    "measured_angles": measured_angles,
     "measured_comparison": measured_comparison,
     "measured_parts": measured_parts,
     "measured_residuals": measured_residuals,

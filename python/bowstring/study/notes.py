@@ -19,6 +19,7 @@ from bowstring.study.sweeps import GeometricSweep, Statics
 from bowstring.validity.loading import FARTHEST
 
 if TYPE_CHECKING:
+    from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["PublishedClaim", "claim_of", "notes_of"]
@@ -82,6 +83,7 @@ def notes_of(
     comparisons: dict[str, Comparison],
     in_time: dict[str, Comparison],
     data: AgainstData | None,
+    angles: AgainstAngles | None = None,
 ) -> tuple[str, ...]:
     """Assumptions and limits of a study in sentences."""
     simulated = (
@@ -90,7 +92,7 @@ def notes_of(
     )
     out = [
         f"All data are simulated: {simulated}"
-        if data is None
+        if data is None and angles is None
         else f"Apart from 'Against the data', all is simulated: {simulated}",
         "Errors are Euclidean at the tip unless an axis is named; means and RMS are over loads "
         "(zero load included), never over coordinates.",

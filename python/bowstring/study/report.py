@@ -34,6 +34,7 @@ from bowstring.viz.style import figure_style, save_figure, save_figures, svg
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["default_folder", "write", "written_figures"]
@@ -175,6 +176,7 @@ def _html(study: Study, content: Mapping[str, Any], drawn: dict[str, str]) -> st
             for m in study.shapes.models
         ],
         data=None if study.data is None else _data_page(study.data),
+        angles=None if study.angles is None else _angle_page(study.angles),
         sweep=_sweep_rows(study),
         budget=[_budget_page(study, side, title) for side, title in SIDES.items()],
         # drawn by this program, ids and text escaped by matplotlib
@@ -234,6 +236,17 @@ def _data_page(found: AgainstData) -> dict[str, Any]:
             )
             for name in found.models
         ],
+        **found.to_dict(),
+    }
+
+
+def _angle_page(found: AgainstAngles) -> dict[str, Any]:
+    """Values of the page for the comparison with measured angles."""
+    from bowstring.study.angle_validation import FRAMES
+
+    return {
+        "label": found.title,
+        "errors": [(found.labels[c.name], FRAMES[c.frame], c.to_dict()) for c in found.comparisons],
         **found.to_dict(),
     }
 

@@ -15,7 +15,8 @@
    control along a path of loading and unloading (`bowstring.study.actuation_budget`);
 6. a verdict at a stated tolerance (`bowstring.study.verdict`);
 7. with measurements, all models against them, with and without registration, a decomposition of
-   the error, and tests of the residuals (`bowstring.study.data_validation`).
+   the error, and tests of the residuals (`bowstring.study.data_validation`); with angles alone the
+   angles (`bowstring.study.angle_validation`).
 
 Budget and verdict use statics, which needs no choice of rise time and damping. Friction at the
 holes is in the actuation part of the budget only.
@@ -129,19 +130,27 @@ def run_study(
             "compare is of models on left-out rows of measurements, with the Cosserat rod; give "
             "measurements, and leave theory out"
         )
-    whole, data = progress or (lambda what, share: None), None
+    whole, data, angles = progress or (lambda what, share: None), None, None
     if measurements is not None:
-        from bowstring.study.data_validation import judge_data
-
         whole("measurements", 0.0)
-        data = judge_data(
-            robot,
-            as_measurements(robot, measurements),
-            settings.tolerance,
-            settings.theory,
+        table = as_measurements(robot, measurements)
+        judging = (
+            *(robot, table, settings.tolerance, settings.theory),
             partial(_between(whole, 0.0, 0.2), "measurements"),
-            compare=extras.compare,
         )
+        if table.points.shape[1]:
+            from bowstring.study.data_validation import judge_data
+
+            data = judge_data(*judging, compare=extras.compare)
+        elif extras.compare:
+            raise InputError(
+                f"{table.name} has angles only; the comparison of models on left-out rows needs "
+                "measured tips: leave compare out"
+            )
+        else:
+            from bowstring.study.angle_validation import judge_angles
+
+            angles = judge_angles(*judging)
         whole = _between(whole, 0.2, 1.0)
     # finite elements take most of the time
     notify = whole if extras.fe is None else _between(whole, 0.0, 0.2)
@@ -216,13 +225,14 @@ def run_study(
         shapes=shapes,
         claim=claim_of(robot, settings, comparisons, in_time, by_bricks),
         notes=(
-            *notes_of(robot, settings, geometry, statics, comparisons, in_time, data),
+            *notes_of(robot, settings, geometry, statics, comparisons, in_time, data, angles),
             *([without_map(robot)] if of_design is None else ()),
             *([without_surface(robot)] if without_surface(robot) else ()),
             *(_ON_MATRIX if spreads and extras.uncertainty is None and robot.has_matrix else ()),
             *(spreads[0].distributions.warnings if spreads else ()),
         ),
         data=data,
+        angles=angles,
         solid=extras.solid,
         bricks=bricks,
         map=of_design,

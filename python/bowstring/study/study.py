@@ -23,6 +23,7 @@ from bowstring.study.comparison import Model
 from bowstring.study.design_map import caption_of
 from bowstring.study.error_budget import Budget
 from bowstring.study.figure_list import (
+    ANGLE_FIGURES,
     BRICKS_IN,
     DATA_FIGURES,
     FE_FIGURES,
@@ -43,6 +44,7 @@ from bowstring.validity.maps import ValidityMap
 from bowstring.validity.spread import Spread
 
 if TYPE_CHECKING:
+    from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
     from bowstring.study.finite_elements import FiniteElements
 
@@ -80,7 +82,9 @@ class Study:
     notes: tuple[str, ...] = field(default=())
     """Assumptions and limits of the results in sentences."""
     data: AgainstData | None = None
-    """All models against measurements, if there are any."""
+    """All models against measured tips, if there are any."""
+    angles: AgainstAngles | None = None
+    """All models against measured angles, if the measurements have no tips."""
     solid: bool = False
     """Whether the report shows the robot as a solid."""
     bricks: FiniteElements | None = None
@@ -118,6 +122,11 @@ class Study:
         return Model(self.robot, chosen.tendon, chosen.theory, chosen.shares)
 
     @property
+    def measured(self) -> AgainstData | AgainstAngles | None:
+        """All models against the measurements, if there are any."""
+        return self.data or self.angles
+
+    @property
     def towards(self) -> tuple[float, float, float]:
         """Direction in which the actuated tendons bend the robot, a unit vector."""
         return self.model.towards
@@ -132,7 +141,7 @@ class Study:
 
     @property
     def figures(self) -> tuple[Figure, ...]:
-        """Figures of the study: `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES`, `DATA_FIGURES`."""
+        """Figures of the study: `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES`, and of the data."""
         missing = ["fig05_over_time"] * (self.dynamics is None)
         missing += ["fig02_disk"] * bool(self.without_disks)
         missing += ["variable_curvature"] * (not self.shapes.curves)
@@ -153,6 +162,11 @@ class Study:
         found = [*(SOLID_FIGURES if self.solid else ()), *found]
         if self.bricks is not None and len(self.bricks.run.states) > 1:
             found += FE_FIGURES
+        if self.angles is not None:
+            found = [
+                *(replace(f, caption=f"{self.angles.title}. {f.caption}") for f in ANGLE_FIGURES),
+                *found,
+            ]
         if self.data is None:
             return tuple(found)
         absent = {"measured_residuals"} if self.data.calibration is None else set()
@@ -205,7 +219,7 @@ class Study:
     def warnings(self) -> tuple[str, ...]:
         """Warnings of robot, data and sweep: missing equilibria, disks below the base, limits."""
         missing = self.without_equilibrium
-        of_data = self.data.doubts if self.data is not None else ()
+        of_data = self.measured.doubts if self.measured is not None else ()
         return (*self.robot.warnings, *of_data, *([missing] if missing else []), *self._limits[0])
 
     @property
@@ -238,7 +252,7 @@ class Study:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the study as JSON values; None for NaN and infinity."""
-        s, d = self.statics, self.data
+        s, d, measured = self.statics, self.data, self.measured
         out = {
             "robot": self.robot.name,
             "length_m": self.length,
@@ -247,9 +261,10 @@ class Study:
             "budget": self.budget.to_dict(),
             "figures": [f.to_dict() for f in self.figures],
             "published_claim": None if self.claim is None else self.claim.to_dict(),
-            "data": "simulated" if d is None else f"simulated; {d.label}",
+            "data": "simulated" if measured is None else f"simulated; {measured.label}",
             "registered": d is not None,
             "measurements": None if d is None else d.to_dict(),
+            "angles": None if self.angles is None else self.angles.to_dict(),
             "notes": list(self.notes),
             "warnings": list(self.warnings),
             "backbone_limits": list(self.limits_text),

@@ -135,10 +135,10 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         yield "Dynamics", study.dynamics_text[0].rstrip(".")
     if study.bricks is not None and study.bricks.text:
         yield "Finite elements", study.bricks.text[0].rstrip(".")
-    if study.data is not None:
-        yield "Measurements", " ".join(study.data.text[:2]).rstrip(".")
-        if study.data.models_compared is not None:
-            yield "Rows left out of the fits", study.data.models_compared.verdict.rstrip(".")
+    if study.measured is not None:
+        yield "Measurements", " ".join(study.measured.text[:2]).rstrip(".")
+    if study.data is not None and study.data.models_compared is not None:
+        yield "Rows left out of the fits", study.data.models_compared.verdict.rstrip(".")
 
 
 def _correction(study: Study) -> Iterator[tuple[str, str]]:

@@ -18,6 +18,8 @@ from bowstring.study.shapes import backbones
 from bowstring.study.study import Study
 
 if TYPE_CHECKING:
+    from bowstring.data.measurements import Measurements
+    from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["simulated", "study_tables", "write_csv"]
@@ -121,6 +123,8 @@ def study_tables(study: Study) -> Iterable[Table]:
     yield _table("shapes", *((key, [row[key] for row in shapes]) for key in shapes[0]))
     if study.data is not None:
         yield from _data_tables(study.data)
+    if study.angles is not None:
+        yield from _angle_tables(study.angles)
     v = study.verdict
     yield _table(
         "verdict_sweep",
@@ -185,18 +189,13 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
     data, loads = found.data, found.loads
     source = [data.source]
     ways = np.where(loads.loading, "loading", "unloading") if loads.single else None
-    by_tension, by_displacement = _of(data.tensions), _of(data.displacements)
     yield _table(
         "measured",
         ("source", source * len(data)),
         ("line", data.line),
         ("run", loads.run + 1),
         ("branch", [None] * len(data) if ways is None else ways),
-        ([f"tension_{t + 1}_N" for t in by_tension], data.tensions[:, by_tension]),
-        (
-            [f"displacement_{t + 1}_mm" for t in by_displacement],
-            data.displacements[:, by_displacement] * 1e3,
-        ),
+        *_commands(data),
         (_named("measured"), data.tip * 1e3),
         (_named("registered"), found.point * 1e3),
         *((_named(name), found.comparison(name).tip_position * 1e3) for name in found.models),
@@ -230,6 +229,37 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
             ["source", *keys],
             [none, *([data.source, *map(step.get, keys)] for step in steps)],
         )
+
+
+def _angle_tables(found: AgainstAngles) -> Iterable[Table]:
+    """Yield tables of the comparison with angles; each row has the source of the data."""
+    data, degrees = found.data, math.degrees(1.0)
+    source = [data.source]
+    measured = {"bend": data.bend, "direction": data.direction}
+    yield _table(
+        "measured_angles",
+        ("source", source * len(data)),
+        ("line", data.line),
+        *_commands(data),
+        *((f"{name}_deg", of * degrees) for name, of in measured.items() if of is not None),
+        *((f"{c.name}_{c.frame}_error_deg", c.error * degrees) for c in found.comparisons),
+    )
+    rows: list[Mapping[str, Any]] = [c.to_dict() for c in found.comparisons]
+    yield _table(
+        "measured_angle_errors",
+        ("source", source * len(rows)),
+        *((key, [row[key] for row in rows]) for key in ("name", "frame", "n", "mean_deg")),
+        (["mean_low_deg", "mean_high_deg"], [row["interval_95_mean_deg"] for row in rows]),
+        *((key, [row[key] for row in rows]) for key in ("max_deg", "rmse_deg", "arc_tip_mean_mm")),
+    )
+
+
+def _commands(data: Measurements) -> Iterable[tuple[list[str], Array]]:
+    """Names and columns of the tensions and displacements of the data."""
+    by_tension, by_displacement = _of(data.tensions), _of(data.displacements)
+    yield [f"tension_{t + 1}_N" for t in by_tension], data.tensions[:, by_tension]
+    names = [f"displacement_{t + 1}_mm" for t in by_displacement]
+    yield names, data.displacements[:, by_displacement] * 1e3
 
 
 def _of(commands: Array) -> list[int]:

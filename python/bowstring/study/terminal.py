@@ -21,6 +21,7 @@ from bowstring.study.summary import COLUMNS, summarise
 from bowstring.study.tables import simulated
 
 if TYPE_CHECKING:
+    from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["print_study"]
@@ -43,7 +44,7 @@ def print_study(
     verbose : bool
         Print all tables and the whole verdict as well.
     """
-    for sentence in study.data.doubts if study.data is not None else ():
+    for sentence in study.measured.doubts if study.measured is not None else ():
         console.print(Text.assemble(("Check the measurements. ", "bold"), sentence))
     summary = summarise(study)
     console.print(Text(summary.title, style="bold"))
@@ -161,6 +162,8 @@ def _print_details(study: Study, console: Console) -> None:
 
     if study.data is not None:
         _print_data(study.data, console)
+    if study.angles is not None:
+        _print_angles(study.angles, console)
     percent = f"{in_percent(study.verdict.tolerance, 3)} of length"
     _print_section(console, f"Verdict at {percent}", study.verdict.text)
     if study.claim is not None:
@@ -203,6 +206,25 @@ def _print_data(found: AgainstData, console: Console) -> None:
                 *(number(d[k]) for k in ("max_mm", "mean_percent")),
                 *(number(v) for v in d["mean_by_axis_mm"]),
             )
+    console.print(errors)
+    _print_section(console, "Against the data", found.text)
+    console.print()
+
+
+def _print_angles(found: AgainstAngles, console: Console) -> None:
+    """Print angle errors by model, and the text."""
+    from bowstring.study.angle_validation import FRAMES
+
+    errors = _table(
+        f"Angle error of the tip's direction; {found.label}",
+        ("model", "frame", "mean deg", "95 %", "max deg", "arc tip mm"),
+    )
+    for c in found.comparisons:
+        d = c.to_dict()
+        low, high = (number(v, 2) for v in d["interval_95_mean_deg"])
+        keys = ("max_deg", "arc_tip_mean_mm")
+        cells = (number(d["mean_deg"]), f"{low} to {high}", *(number(d[k]) for k in keys))
+        errors.add_row(short(found.labels[c.name]), FRAMES[c.frame], *cells)
     console.print(errors)
     _print_section(console, "Against the data", found.text)
     console.print()

@@ -1,0 +1,204 @@
+"""Topics of a ROS bag in the format MCAP, as the columns of tables."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final
+
+from bowstring.errors import InputError
+from bowstring.optional import load_extra
+from bowstring.units import quote
+
+__all__ = ["in_words", "is_bag", "other_bag", "read_topic", "topics"]
+
+_MAGIC: Final = b"\x89MCAP"
+_OTHERS: Final = {b"#ROSBAG": "ROS 1", b"SQLite format 3\0": "SQLite (.db3)"}
+_MOST_BYTES: Final = 1_000_000_000  # of all chunks, unpacked
+_LONGEST: Final = 200  # entries of an array, more are those of an image or a scan
+_TIME: Final = "time"
+_NAMES: Final = ("child_frame_id", "name")  # of the entries of an array of messages
+
+Row = dict[str, str]
+
+
+def is_bag(data: bytes) -> bool:
+    """Whether a file with this content is a bag in the format MCAP."""
+    return data.startswith(_MAGIC)
+
+
+def other_bag(data: bytes) -> str:
+    """Format of a bag that is not MCAP; empty for other files."""
+    return next((name for begin, name in _OTHERS.items() if data.startswith(begin)), "")
+
+
+def topics(path: Path, data: bytes) -> list[str]:
+    """Topics whose first message has numbers, in the order of the first messages.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    found: dict[str, bool] = {}
+    with _readable(path):
+        for topic, _, decoded in _messages(path, data, None):
+            if topic not in found:
+                found[topic] = any(True for _ in _numbers(decoded, topic))
+    return [topic for topic, has_numbers in found.items() if has_numbers]
+
+
+def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]], str]:
+    """Read the numbers of the messages of a topic.
+
+    Parameters
+    ----------
+    path : Path
+        Path in messages.
+    data : bytes
+        Content of the file.
+    topic : str
+
+    Returns
+    -------
+    dict of str to list of str
+        Cells by the name of the column: ``time`` in s, ``/topic.pose.position.x`` for a field, and
+        ``/topic.data_1``, ``/topic.data_2`` and so on for an array; entries that have names, as
+        those of joints and transforms, by these. Rows are in the order of time; a number that a
+        message does not have is blank.
+    str
+        What the time is.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or the topic has no numbers.
+    """
+    rows: list[tuple[int, int | None, Row]] = []
+    with _readable(path):
+        for _, logged, decoded in _messages(path, data, topic):
+            row = dict(_numbers(decoded, topic))
+            rows.append((logged, _stamp(decoded), row))
+    names = dict.fromkeys(name for *_, row in rows for name in row)
+    if not names:
+        raise InputError(
+            f"{path}: there are no numbers of a topic {quote(topic)}; topics with numbers: "
+            f"{in_words(topics(path, data))}"
+        )
+    is_stamped = all(stamp is not None for _, stamp, _ in rows)
+    times = [stamp if is_stamped and stamp is not None else logged for logged, stamp, _ in rows]
+    order = sorted(range(len(rows)), key=lambda i: times[i])
+    columns = {_TIME: [_seconds(times[i]) for i in order]}
+    columns |= {name: [rows[i][2].get(name, "") for i in order] for name in names}
+    what = "the stamp of its header" if is_stamped else "the time at which it was recorded"
+    return columns, f"time of a message of {topic} is {what}"
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Turn any exception of the libraries into one that names the file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:  # the libraries raise many kinds of exception on damaged files
+        text = f"{type(error).__name__} {' '.join(str(error).split())}"[:200].strip()
+        raise InputError(f"{path}: this bag cannot be read: {text}") from None
+
+
+def _messages(path: Path, data: bytes, topic: str | None) -> Iterator[tuple[str, int, Any]]:
+    """Topic, time of recording (ns) and content of the messages that can be decoded.
+
+    Without a topic only the first message of each.
+    """
+    reader = load_extra("rosbag", "mcap.reader").make_reader(io.BytesIO(data))
+    decoders = [
+        load_extra("rosbag", f"{module}.decoder").DecoderFactory()
+        for module in ("mcap_ros2", "mcap_ros1")
+    ]
+    summary = reader.get_summary()
+    if summary is None or (not summary.chunk_indexes and not summary.channels):
+        raise InputError(
+            f"{path}: the bag has no index, because its recording was interrupted; write it anew "
+            "with mcap recover"
+        )
+    if sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > _MOST_BYTES:
+        raise InputError(
+            f"{path}: the bag would unpack to more than {_MOST_BYTES // 10**6} MB, and is not "
+            "read; write the topics that are needed into a bag of their own, with mcap filter"
+        )
+    asked = [topic] if topic else list(dict.fromkeys(c.topic for c in summary.channels.values()))
+    for each in asked:
+        found = reader.iter_messages(topics=[each])
+        for schema, channel, message in islice(found, None if topic else 1):
+            decode = _decoder(decoders, channel.message_encoding, schema)
+            if decode is not None:
+                yield each, message.log_time, decode(message.data)
+
+
+def _decoder(decoders: Sequence[Any], encoding: str, schema: Any) -> Callable[[bytes], Any] | None:
+    """Decoder of messages; None for an encoding that is not read, such as Protobuf."""
+    if encoding == "json":
+        return json.loads
+    return next(filter(None, (each.decoder_for(encoding, schema) for each in decoders)), None)
+
+
+def _fields(value: Any) -> Mapping[str, Any]:
+    """Fields of a message, which is a JSON object or one of the libraries."""
+    if isinstance(value, dict):
+        return value
+    return {name: getattr(value, name) for name in getattr(value, "__slots__", ())}
+
+
+def _numbers(value: Any, name: str) -> Iterator[tuple[str, str]]:
+    """Names and numbers of a message, without those of headers."""
+    if isinstance(value, bool):
+        yield name, str(int(value))
+    elif isinstance(value, (int, float)):
+        yield name, str(value)
+    elif isinstance(value, (list, tuple)):
+        yield from _entries(value, name, range(1, len(value) + 1))
+    elif not isinstance(value, (str, bytes)):
+        fields = _fields(value)
+        labels = fields.get("name")  # those of joints
+        if not isinstance(labels, (list, tuple)) or len(set(map(str, labels))) < len(labels):
+            labels = ()
+        for key, each in fields.items():
+            if isinstance(each, (list, tuple)) and len(each) == len(labels):
+                yield from _entries(each, f"{name}.{key}", labels)
+            elif key != "header":
+                yield from _numbers(each, f"{name}.{key}")
+
+
+def _entries(values: Sequence[Any], name: str, labels: Sequence[Any]) -> Iterator[tuple[str, str]]:
+    """Names and numbers of the entries of an array, with the label of each."""
+    if len(values) > _LONGEST:
+        return
+    for label, value in zip(labels, values, strict=True):
+        fields = _fields(value)
+        own = next((fields[key] for key in _NAMES if isinstance(fields.get(key), str)), label)
+        yield from _numbers(value, f"{name}_{own}")
+
+
+def _stamp(message: Any) -> int | None:
+    """Time of a message's header, ns; None without one."""
+    stamp = _fields(_fields(_fields(message).get("header")).get("stamp"))
+    seconds = stamp.get("sec", stamp.get("secs"))
+    parts = stamp.get("nanosec", stamp.get("nsecs", stamp.get("nsec", 0)))
+    if not isinstance(seconds, int) or not isinstance(parts, int):
+        return None
+    return seconds * 10**9 + parts or None
+
+
+def _seconds(nanoseconds: int) -> str:
+    return f"{nanoseconds // 10**9}.{nanoseconds % 10**9:09d}"
+
+
+def in_words(names: Sequence[str]) -> str:
+    """List the first of some topics."""
+    listed = ", ".join(map(quote, names[:12])) + (", ..." if len(names) > 12 else "")
+    return listed or "none that can be read"
