@@ -283,3 +283,26 @@ def test_bags_that_are_not_read(
     monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)
     path.write_bytes(data)
     refused(r"ROS bags need mcap.reader.*pip install 'bowstring\[rosbag\]'", None)
+
+
+def test_a_definition_of_ros_1_runs_no_code(tmp_path: Path) -> None:
+    """Its library makes a module of the definition, with comments and constants as they stand."""
+    path, mark = tmp_path / "run.mcap", tmp_path / "mark"
+    code = f"open({str(mark)!r}, 'w').close()"
+
+    def bag(definition: str) -> None:
+        with path.open("wb") as file:
+            made = writer.Writer(file)
+            made.start()
+            schema = made.register_schema("a/B", "ros1msg", definition.encode())
+            channel = made.register_channel("/b", "ros1", schema)
+            made.add_message(channel, 0, bytes(8), 0)
+            made.finish()
+
+    bag(f'float64 x # """\n# \n#"""\nstring S="""\nstring T=\'\'\' + {code}\n')
+    with pytest.raises(InputError, match="mapping"):
+        read_measurements(path)
+    bag(f"float64 x\n{code} y\n")
+    with pytest.raises(InputError, match="in the definition of a message is no field"):
+        read_measurements(path)
+    assert not mark.exists()

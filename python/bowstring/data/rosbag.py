@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +22,11 @@ _MAGIC: Final = b"\x89MCAP"
 _OTHERS: Final = {b"#ROSBAG": "ROS 1", b"SQLite format 3\0": "SQLite (.db3)"}
 _MOST_BYTES: Final = 1_000_000_000  # of all chunks, unpacked
 _LONGEST: Final = 200  # entries of an array, more are those of an image or a scan
+_NAME: Final = r"[A-Za-z]\w*"
+#: Lines of a definition of ROS 1 that say what a message holds.
+_FIELD: Final = re.compile(
+    rf"(?:{_NAME}/)?{_NAME}(?:\[\d*\])? {_NAME}|MSG: {_NAME}/{_NAME}|=+", re.ASCII
+)
 _TIME: Final = "time"
 _NAMES: Final = ("child_frame_id", "name")  # of the entries of an array of messages
 
@@ -144,7 +151,25 @@ def _decoder(decoders: Sequence[Any], encoding: str, schema: Any) -> Callable[[b
     """Decoder of messages; None for an encoding that is not read, such as Protobuf."""
     if encoding == "json":
         return json.loads
+    if getattr(schema, "encoding", None) == "ros1msg":
+        schema = replace(schema, data=_fields_alone(schema).encode())
     return next(filter(None, (each.decoder_for(encoding, schema) for each in decoders)), None)
+
+
+def _fields_alone(schema: Any) -> str:
+    """Definition of ROS 1 without comments and constants: its library runs code made of it.
+
+    Raises
+    ------
+    InputError
+        If other lines than fields remain.
+    """
+    lines = (" ".join(line.split("#")[0].split()) for line in schema.data.decode().splitlines())
+    fields = [line for line in lines if line.strip("=").count("=") == 0 and line]
+    for line in [f"MSG: {schema.name}", *fields]:
+        if not _FIELD.fullmatch(line):
+            raise InputError(f"{quote(line[:60])} in the definition of a message is no field")
+    return "\n".join(fields)
 
 
 def _fields(value: Any) -> Mapping[str, Any]:
