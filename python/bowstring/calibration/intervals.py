@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bowstring.calibration.pieces import Landscape, Minimum
 from bowstring.calibration.residual_tests import autocorrelation
-from bowstring.significance import NOISE
+from bowstring.significance import NOISE, NORMAL, student
 
 __all__ = ["EXACT", "SAME", "Dependence", "Uncertainty", "profile_ends"]
 
@@ -33,8 +33,9 @@ SAME: Final = 1e-5
 _NOTHING: Final = 1e-10
 #: Autocorrelation of residuals that indicates dependent errors, if significant.
 _ALIKE: Final = 0.3
-#: Half width of a 95 % interval over a known standard deviation.
-_NORMAL: Final = 1.959964
+#: Share of the errors of a row in some direction that a fit leaves, below which the row alone
+#: determines that direction.
+_ALONE: Final = 1e-3
 #: Normal ratio of the increase of the cost at the end of an interval to that by the derivatives.
 _REGULAR: Final = (0.6, 1.7)
 #: Size of a fit times parameters up to which irregular intervals are profiled.
@@ -132,10 +133,10 @@ class Uncertainty:
         weighted_by: float,
         dependence: Dependence,
     ) -> Uncertainty:
-        """Compute the covariance at a minimum; noise may differ between points and axes.
+        """Compute the covariance at a minimum; the errors of a row may have any covariance.
 
-        Each coordinate of each point has its own variance. With several points the quantile of
-        an interval has the degrees of freedom of Welch and Satterthwaite.
+        Where a row alone determines a direction, each coordinate of each point has one variance
+        instead, and intervals have the degrees of freedom of Welch and Satterthwaite.
 
         Parameters
         ----------
@@ -154,8 +155,6 @@ class Uncertainty:
         Uncertainty
             Covariance, intervals and noise.
         """
-        from scipy.special import stdtrit
-
         size = np.sqrt((jacobian**2).sum(axis=0) + (prior**2).sum(axis=0))
         size[size == 0] = 1.0
         rows, own = jacobian / size, prior / size
@@ -180,21 +179,24 @@ class Uncertainty:
         determined = float(taken.sum())
         rows_of = np.array([[float(own_rows.sum())] for own_rows in points])
         free = np.maximum(rows_of - taken, 1.0)
-        spread = np.stack([(force[own_rows] ** 2).sum(axis=0) for own_rows in points]) / free
         share = determined / slope.size
         correction = 1 + share * float(slope.var()) / float(slope.mean()) ** 2
         back = seen.T @ inverse / size[:, None]
         half: Any
         if reach := dependence.reach:
-            scatter = _scatter(of_axis, force, dependence, reach)
+            scatter = _scatter(_by_row(of_axis, force, dependence), dependence.run, reach)
             scatter *= float(rows_of.sum() / free.min(axis=1).sum())
             width = reach / len(dependence.run)
             half = float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], width))
+        elif (clusters := _Clusters.of(of_axis, mean, inverse, dependence)) is not None:
+            scatter = clusters.scatter(force)
+            half = student(clusters.freedom(back))
         else:
+            spread = np.stack([(force[own_rows] ** 2).sum(axis=0) for own_rows in points]) / free
             of_point = np.einsum("ma,mapq->mpq", spread, square)
             scatter = of_point.sum(axis=0)
             share_of_point = np.einsum("ip,mpq,iq->mi", back, of_point, back)
-            half = stdtrit(_freedom(share_of_point, free.min(axis=1)), 0.975)
+            half = student(_freedom(share_of_point, free.min(axis=1)))
         scatter *= correction**2
         of_data = back @ scatter @ back.T
         of_priors = weighted_by**2 * back @ own.T @ own @ back.T
@@ -203,16 +205,90 @@ class Uncertainty:
         known = np.diag(of_priors) / np.where(total > 0.0, total, 1.0)
         return cls(
             covariance,
-            np.sqrt(half**2 + known * (_NORMAL**2 - half**2)),
+            np.sqrt(half**2 + known * (NORMAL**2 - half**2)),
             math.sqrt(float(np.sum(inverse * scatter)) / max(determined, 1e-300)),
             determined,
             lost,
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Clusters:
+    """Rows whose errors have any covariance, by Bell and McCaffrey (Survey Methodology 28, 2002).
+
+    A wrong command moves all coordinates of its row, and more where the robot moves more. C is the
+    number of coordinates of a row, p that of directions. Made by `of`.
+
+    Attributes
+    ----------
+    place : tuple of ndarray of int (n,)
+        Row of each point, and its place in it.
+    derivatives : ndarray (N, C, p)
+        Derivatives of the coordinates, zero where not measured.
+    root : ndarray (N, C, C)
+        Inverse square root of the share of the errors that the fit leaves.
+    inverse : ndarray (p, p)
+        Inverse of the Hessian.
+    weight : ndarray (C,)
+        Mean second derivative of the loss for each coordinate.
+    """
+
+    place: tuple[NDArray[np.int64], NDArray[np.int64]]
+    derivatives: Floats
+    root: Floats
+    inverse: Floats
+    weight: Floats
+
+    @classmethod
+    def of(
+        cls, of_axis: Floats, mean: Floats, inverse: Floats, dependence: Dependence
+    ) -> _Clusters | None:
+        """Make rows; None if a row determines a direction alone, and nothing tells its errors."""
+        place = dependence.row, np.unique(dependence.point, return_inverse=True)[1]
+        derivatives = np.zeros((len(dependence.run), len(mean), *of_axis.shape[1:]))
+        derivatives[place] = of_axis
+        derivatives = derivatives.reshape(len(derivatives), mean.size, -1)
+        weight = mean.ravel()
+        scaled = np.sqrt(weight)[:, None] * derivatives
+        left = np.eye(mean.size) - scaled @ inverse @ np.swapaxes(scaled, 1, 2)
+        value, axes = np.linalg.eigh(left)
+        if value.min(initial=1.0) < _ALONE:
+            return None
+        root = (axes / np.sqrt(value)[:, None]) @ np.swapaxes(axes, 1, 2)
+        return cls(place, derivatives, root, inverse, weight)
+
+    def scatter(self, force: Floats) -> Floats:
+        """Covariance (p, p) of the gradient, without bias for equal and independent errors."""
+        table = np.zeros((len(self.root), len(self.weight) // 3, 3))
+        table[self.place] = force
+        errors = (self.root @ table.reshape(len(table), -1, 1))[..., 0]
+        of_row = np.einsum("kcp,kc->kp", self.derivatives, errors)
+        return np.asarray(of_row.T @ of_row)
+
+    def freedom(self, back: Floats) -> Floats:
+        """Degrees of freedom (P,) of the variances of parameters, for equal, independent errors.
+
+        `back` (P, p) times the gradient is the error of the parameters.
+        """
+        half = np.linalg.cholesky(self.inverse)
+        scaled = np.sqrt(self.weight)[:, None] * self.derivatives @ half
+        all_own = self.root @ (self.derivatives @ back.T)
+        freedom = np.ones(len(back))
+        for i in range(len(back)):
+            own = all_own[..., i]
+            size = (own**2).sum(axis=1)
+            common = (own[:, None] @ scaled)[:, 0]
+            taken = (common**2).sum(axis=1)
+            square = (size**2).sum() - 2.0 * size @ taken + ((common.T @ common) ** 2).sum()
+            if square > 0.0:
+                freedom[i] = (size - taken).sum() ** 2 / square
+        return np.maximum(freedom, 1.0)
+
+
 def _square(of_axis: Floats) -> Floats:
     """Sums (3, P, P) over the rows of the products of derivatives (n, 3, P) by each axis."""
-    return np.asarray(np.einsum("kap,kaq->apq", of_axis, of_axis))
+    by_axis = np.swapaxes(of_axis, 0, 1)
+    return np.asarray(np.swapaxes(by_axis, 1, 2) @ by_axis)
 
 
 def _freedom(variance: Floats, free: Floats) -> Floats:
@@ -227,14 +303,18 @@ def _freedom(variance: Floats, free: Floats) -> Floats:
     return np.asarray(1.0 / (share**2 / free[:, None]).sum(axis=0))
 
 
-def _scatter(of_axis: Floats, force: Floats, dependence: Dependence, reach: int) -> Floats:
+def _by_row(of_axis: Floats, force: Floats, dependence: Dependence) -> Floats:
+    """Gradient (N, P) of each row."""
+    of_row = np.zeros((len(dependence.run), of_axis.shape[2]))
+    np.add.at(of_row, dependence.row, np.einsum("kap,ka->kp", of_axis, force))
+    return of_row
+
+
+def _scatter(of_row: Floats, run: NDArray[np.int64], reach: int) -> Floats:
     """Covariance of the gradient with correlated rows of a run, closer than `reach`.
 
     Points of the same row may be correlated as well.
     """
-    run = dependence.run
-    of_row = np.zeros((len(run), of_axis.shape[2]))
-    np.add.at(of_row, dependence.row, np.einsum("kap,ka->kp", of_axis, force))
     scatter = np.asarray(of_row.T @ of_row)
     for apart in range(1, reach):
         one_run = run[apart:] == run[:-apart]
