@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import listed, significant
 
-__all__ = ["advice", "likely_zero", "noise_about_zero", "rest", "saturated", "spikes"]
+__all__ = ["advice", "likely_zero", "noise_about_zero", "rest", "saturated", "spikes", "steady"]
 
 Floats = NDArray[np.float64]
 
@@ -27,6 +27,7 @@ _GATHER: Final = 0.2  # share of the rows there if they gather; 0.1 if readings 
 _OFTEN: Final = 0.02  # share of rows above which readings are no spikes
 _TWO: Final = 20  # rows from which two readings may be spikes
 _FAR: Final = 3.0  # distance of a spike over the range of the others
+_PART: Final = 4  # one of so many readings of a steady channel may be a spike
 _RUN: Final = 5  # rows
 _STILL: Final = 0.05  # share of its range within which a robot rests
 _DISTINCT: Final = 0.8  # share of different readings of a sensor; commands repeat
@@ -91,6 +92,19 @@ def spikes(readings: Floats) -> NDArray[np.int64]:
     rows = np.flatnonzero(np.maximum(low - readings, readings - high) > _FAR * (high - low))
     runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     return np.concatenate([run for run in runs if len(run) < _RUN] or [rows[:0]])
+
+
+def steady(readings: Floats) -> NDArray[np.bool_]:
+    """Readings of a robot at rest without spikes: several times the range of the others away."""
+    order = np.argsort(np.abs(readings - np.median(readings)), kind="stable")
+    kept = np.ones(len(readings), bool)
+    for few in range(len(readings) // _PART, 0, -1):
+        low, high = readings[order[:-few]].min(), readings[order[:-few]].max()
+        far = readings[order[-few:]]
+        if np.maximum(low - far, far - high).min() > _FAR * (high - low):
+            kept[order[-few:]] = False
+            break
+    return kept
 
 
 def saturated(readings: Floats, from_rest: bool = False) -> tuple[int, int] | None:

@@ -43,6 +43,7 @@ from bowstring.errors import InputError
 from bowstring.formatting import in_mm, listed, significant
 from bowstring.json_files import parsed, structured
 from bowstring.robot.model import Robot, check_robot
+from bowstring.significance import NORMAL, student
 from bowstring.units import printable, quote
 
 __all__ = [
@@ -408,7 +409,7 @@ class _Reader:
         self.rows = 0
 
     def find_zeros(self) -> None:
-        """Read the zeros of columns that are means of rows of the table."""
+        """Read the zeros of columns that are means of rows of the table, without spikes."""
         layout = self.layout
         columns = [column for _, column in layout.tendons]
         columns += [column for point in layout.points for column in point]
@@ -435,9 +436,16 @@ class _Reader:
                     f"{self.table.path}, line {lines[k]}: {said}, and here it is "
                     f"{quote(given[k])}; name other rows, or give the number"
                 )
+            kept = channels.steady(values)
+            if not kept.all():
+                spikes = [quote(given[k]) for k in np.flatnonzero(~kept)]
+                said += f" without {listed(spikes)}, which are far off"
+            values = values[kept]
             zero = float(values.mean())
             if len(values) > 1:
-                error = float(values.std(ddof=1)) / math.sqrt(len(values))
+                # 1.96 of these deviations are Student's interval
+                wide = float(student(len(values) - 1)) / NORMAL
+                error = wide * float(values.std(ddof=1)) / math.sqrt(len(values))
                 self.zero_error[column.name] = abs(error * column.factor)
             else:  # by the scatter of other readings without load
                 self.zero_error[column.name] = math.nan
