@@ -514,6 +514,20 @@ def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path)
     assert "Far off, look at: line 14 (50 mm)." in out
 
 
+def test_a_spike_of_a_tip_stops_no_fit(shell: Shell, tmp_path: Path) -> None:
+    def torn(rows: list[str]) -> list[str]:
+        cells = rows[9].split(",")
+        return [*rows[:9], ",".join([*cells[:3], "3e4", *cells[4:]]), *rows[10:]]
+
+    got = shell.json(
+        *("fit", "amouri2019", "--measurements", table(tmp_path, torn), *UPRIGHT),
+        *("--parameter", E, "--parameter", MU),
+    )
+    assert got["converged"] and got["rows"] == 32 and not got["outliers"]
+    assert "In line 14 tip_x_mm is 30000, a spike far from all other rows" in got["warnings"][0]
+    assert got["parameters"][0]["value"] == pytest.approx(35.0, abs=0.01)
+
+
 def test_rows_without_a_tip_keep_the_path_whole(shell: Shell, tmp_path: Path) -> None:
     """Seven tips around the peak load are blank; without their commands too, the path breaks."""
 

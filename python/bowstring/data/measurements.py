@@ -463,6 +463,8 @@ class _Reader:
         arrays: dict[str, Any] = {
             name: np.concatenate([found[name] for found in chunks]) for name in chunks[0]
         }
+        if self.layout.points:
+            arrays["unseen"] = np.isnan(arrays["points"][:, -1]).all(axis=1)
         if not (good := self.find_faults(arrays)).all():
             arrays = {name: array[good] for name, array in arrays.items()}
         if not (good := self.judge_tensions(arrays["tensions"], arrays["line"])).all():
@@ -470,7 +472,7 @@ class _Reader:
         if not len(arrays["line"]):
             raise self.nothing()
         if self.layout.points:
-            self.note_unseen(arrays["line"], np.isnan(arrays["points"][:, -1]).all(axis=1))
+            self.note_unseen(arrays["line"], arrays.pop("unseen"))
         self.issues += self.table.notes
         if self.comma is not None:
             if self.point is not None:
@@ -730,7 +732,8 @@ class _Reader:
     def find_faults(self, arrays: dict[str, Any]) -> NDArray[np.bool_]:
         """List spikes, saturated sensors and columns of a constant.
 
-        Rows (K,) without a spike of a command; a tip may be wrong where the command is right.
+        Returns rows (K,) without a spike of a command. A point with a spike becomes NaN in place:
+        the command of its row may be right, and is part of the path.
         """
         lines, layout = arrays["line"], self.layout
         good = np.ones(len(lines), bool)
@@ -765,8 +768,10 @@ class _Reader:
                 line, text = issues[0]
                 more = f" (the first of {len(rows)})" if len(rows) > 1 else ""
                 if kind == "point":
-                    self.issues += [(line, f"{text}; it is kept") for line, text in issues]
-                    cure = "correct or delete it."
+                    self.issues += [(line, f"left out as a point: {text}") for line, text in issues]
+                    point = (i - len(layout.tendons)) // 3
+                    arrays["points"][np.flatnonzero(seen)[rows], point] = np.nan
+                    cure = "the point is left out."
                 else:
                     for where, what in issues:
                         if good[where == lines].all():
