@@ -1,8 +1,8 @@
 """Uncertainty of fitted parameters: covariance and profile likelihood intervals.
 
-n is the number of points that are measured in used rows, M that of measured points in a row, N that
-of used rows, P that of parameters, Q that of priors. Residuals are in mm, parameters are divided by
-their natural steps.
+n is the number of points that are measured in used rows, D that of coordinates of a point, M that
+of measured points in a row, N that of used rows, P that of parameters, Q that of priors. Residuals
+are in mm or rad, parameters are divided by their natural steps.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Dependence:
     run : ndarray of int (N,)
         Rows of the same number are neighbours of a group.
     row, point : ndarray of int (n,)
-        Used row and point of three residuals each.
+        Used row and point of D residuals each.
     """
 
     correlation: float
@@ -68,7 +68,7 @@ class Dependence:
 
     @classmethod
     def of(cls, errors: Floats, counted: Bools, group: NDArray[Any]) -> Dependence:
-        """Test errors (K, M, 3) in m of the points that count (K, M).
+        """Test errors (K, M, D) in m or rad of the points that count (K, M).
 
         `group` (K,) as by `observations.groups`.
         """
@@ -140,9 +140,9 @@ class Uncertainty:
 
         Parameters
         ----------
-        by : tuple of ndarray (3 n,)
+        by : tuple of ndarray (D n,)
             First and second derivative of half the loss by the residuals.
-        jacobian, prior : ndarray (3 n, P), (Q, P)
+        jacobian, prior : ndarray (D n, P), (Q, P)
             Derivatives of the residuals of data and priors.
         weighted_by : float
             Standard deviation of a residual by which the priors are weighted, mm.
@@ -167,8 +167,8 @@ class Uncertainty:
             is_seen = singular > _NOTHING * singular[0]
         seen, lost = direction[is_seen], direction[~is_seen]
 
-        force, slope = (each.reshape(-1, 3) for each in by)
-        of_axis = (rows @ seen.T).reshape(len(force), 3, len(seen))
+        force, slope = (each.reshape(len(dependence.row), -1) for each in by)
+        of_axis = (rows @ seen.T).reshape(*force.shape, len(seen))
         own = own @ seen.T
         points = [dependence.point == m for m in np.unique(dependence.point)]
         square = np.stack([_square(of_axis[own_rows]) for own_rows in points])
@@ -259,7 +259,7 @@ class _Clusters:
 
     def scatter(self, force: Floats) -> Floats:
         """Covariance (p, p) of the gradient, without bias for equal and independent errors."""
-        table = np.zeros((len(self.root), len(self.weight) // 3, 3))
+        table = np.zeros((len(self.root), len(self.weight) // force.shape[1], force.shape[1]))
         table[self.place] = force
         errors = (self.root @ table.reshape(len(table), -1, 1))[..., 0]
         of_row = np.einsum("kcp,kc->kp", self.derivatives, errors)
@@ -286,7 +286,7 @@ class _Clusters:
 
 
 def _square(of_axis: Floats) -> Floats:
-    """Sums (3, P, P) over the rows of the products of derivatives (n, 3, P) by each axis."""
+    """Sums (D, P, P) over the rows of the products of derivatives (n, D, P) by each axis."""
     by_axis = np.swapaxes(of_axis, 0, 1)
     return np.asarray(np.swapaxes(by_axis, 1, 2) @ by_axis)
 
