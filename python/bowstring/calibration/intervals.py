@@ -33,9 +33,9 @@ SAME: Final = 1e-5
 _NOTHING: Final = 1e-10
 #: Autocorrelation of residuals that indicates dependent errors, if significant.
 _ALIKE: Final = 0.3
-#: Share of the errors of a row in some direction that a fit leaves, below which the row alone
-#: determines that direction.
-_ALONE: Final = 1e-3
+#: Share of the errors of a row in some direction that a fit leaves, below which the other rows
+#: hardly determine that direction.
+_ALONE: Final = 0.1
 #: Normal ratio of the increase of the cost at the end of an interval to that by the derivatives.
 _REGULAR: Final = (0.6, 1.7)
 #: Size of a fit times parameters up to which irregular intervals are profiled.
@@ -135,8 +135,8 @@ class Uncertainty:
     ) -> Uncertainty:
         """Compute the covariance at a minimum; the errors of a row may have any covariance.
 
-        Where a row alone determines a direction, each coordinate of each point has one variance
-        instead, and intervals have the degrees of freedom of Welch and Satterthwaite.
+        Where a row determines a direction nearly alone, each coordinate of each point has one
+        variance instead, and intervals have the degrees of freedom of Welch and Satterthwaite.
 
         Parameters
         ----------
@@ -214,10 +214,11 @@ class Uncertainty:
 
 @dataclass(frozen=True, eq=False)
 class _Clusters:
-    """Rows whose errors have any covariance, by Bell and McCaffrey (Survey Methodology 28, 2002).
+    """Rows whose errors have any covariance: jackknife of a linearised fit.
 
-    A wrong command moves all coordinates of its row, and more where the robot moves more. C is the
-    number of coordinates of a row, p that of directions. Made by `of`.
+    A wrong command moves all coordinates of its row, and more where the robot moves more. The
+    jackknife counts this in full (MacKinnon, Nielsen and Webb, Journal of Applied Econometrics 38,
+    2023). C is the number of coordinates of a row, p that of directions. Made by `of`.
 
     Attributes
     ----------
@@ -225,8 +226,8 @@ class _Clusters:
         Row of each point, and its place in it.
     derivatives : ndarray (N, C, p)
         Derivatives of the coordinates, zero where not measured.
-    root : ndarray (N, C, C)
-        Inverse square root of the share of the errors that the fit leaves.
+    whole : ndarray (N, C, C)
+        Errors by a fit without the row over those by the fit.
     inverse : ndarray (p, p)
         Inverse of the Hessian.
     weight : ndarray (C,)
@@ -235,7 +236,7 @@ class _Clusters:
 
     place: tuple[NDArray[np.int64], NDArray[np.int64]]
     derivatives: Floats
-    root: Floats
+    whole: Floats
     inverse: Floats
     weight: Floats
 
@@ -243,7 +244,7 @@ class _Clusters:
     def of(
         cls, of_axis: Floats, mean: Floats, inverse: Floats, dependence: Dependence
     ) -> _Clusters | None:
-        """Make rows; None if a row determines a direction alone, and nothing tells its errors."""
+        """Make rows; None if a row determines a direction nearly alone: none shows its errors."""
         place = dependence.row, np.unique(dependence.point, return_inverse=True)[1]
         derivatives = np.zeros((len(dependence.run), len(mean), *of_axis.shape[1:]))
         derivatives[place] = of_axis
@@ -251,28 +252,27 @@ class _Clusters:
         weight = mean.ravel()
         scaled = np.sqrt(weight)[:, None] * derivatives
         left = np.eye(mean.size) - scaled @ inverse @ np.swapaxes(scaled, 1, 2)
-        value, axes = np.linalg.eigh(left)
-        if value.min(initial=1.0) < _ALONE:
+        if np.linalg.eigvalsh(left).min(initial=1.0) < _ALONE:
             return None
-        root = (axes / np.sqrt(value)[:, None]) @ np.swapaxes(axes, 1, 2)
-        return cls(place, derivatives, root, inverse, weight)
+        return cls(place, derivatives, np.linalg.inv(left), inverse, weight)
 
     def scatter(self, force: Floats) -> Floats:
-        """Covariance (p, p) of the gradient, without bias for equal and independent errors."""
-        table = np.zeros((len(self.root), len(self.weight) // force.shape[1], force.shape[1]))
+        """Covariance (p, p) of the gradient."""
+        table = np.zeros((len(self.whole), len(self.weight) // force.shape[1], force.shape[1]))
         table[self.place] = force
-        errors = (self.root @ table.reshape(len(table), -1, 1))[..., 0]
+        errors = (self.whole @ table.reshape(len(table), -1, 1))[..., 0]
         of_row = np.einsum("kcp,kc->kp", self.derivatives, errors)
         return np.asarray(of_row.T @ of_row)
 
     def freedom(self, back: Floats) -> Floats:
         """Degrees of freedom (P,) of the variances of parameters, for equal, independent errors.
 
-        `back` (P, p) times the gradient is the error of the parameters.
+        By Bell and McCaffrey (Survey Methodology 28, 2002). `back` (P, p) times the gradient is the
+        error of the parameters.
         """
         half = np.linalg.cholesky(self.inverse)
         scaled = np.sqrt(self.weight)[:, None] * self.derivatives @ half
-        all_own = self.root @ (self.derivatives @ back.T)
+        all_own = self.whole @ (self.derivatives @ back.T)
         freedom = np.ones(len(back))
         for i in range(len(back)):
             own = all_own[..., i]
