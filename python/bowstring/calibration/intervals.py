@@ -79,8 +79,7 @@ class Dependence:
         residual = np.where(counted[at][:, :, None], errors[at], 0.0).reshape(len(at), -1)
         if np.abs(residual).max() < EXACT:
             return cls(math.nan, False, run, row, point)
-        several = counted.shape[1] > 1
-        correlation, p_value = autocorrelation(residual, near, correlated=several)
+        correlation, p_value = autocorrelation(residual, near)
         significant = correlation > _ALIKE and p_value < NOISE
         return cls(correlation, significant, run, row, point)
 
