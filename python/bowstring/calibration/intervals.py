@@ -183,7 +183,7 @@ class Uncertainty:
         back = seen.T @ inverse / size[:, None]
         half: Any
         if reach := dependence.reach:
-            scatter = _scatter(_by_row(of_axis, force, dependence), dependence.run, reach)
+            scatter = _scatter(of_axis, force, dependence, reach)
             scatter *= float(rows_of.sum() / free.min(axis=1).sum())
             width = reach / len(dependence.run)
             half = float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], width))
@@ -248,7 +248,7 @@ class _Clusters:
         derivatives = np.zeros((len(dependence.run), len(mean), *of_axis.shape[1:]))
         derivatives[place] = of_axis
         derivatives = derivatives.reshape(len(derivatives), mean.size, -1)
-        weight = mean.ravel()
+        weight = np.maximum(mean.ravel(), 0.0)  # rounding, where Huber's loss is linear in all rows
         scaled = np.sqrt(weight)[:, None] * derivatives
         left = np.eye(mean.size) - scaled @ inverse @ np.swapaxes(scaled, 1, 2)
         if np.linalg.eigvalsh(left).min(initial=1.0) < _ALONE:
@@ -302,18 +302,14 @@ def _freedom(variance: Floats, free: Floats) -> Floats:
     return np.asarray(1.0 / (share**2 / free[:, None]).sum(axis=0))
 
 
-def _by_row(of_axis: Floats, force: Floats, dependence: Dependence) -> Floats:
-    """Gradient (N, P) of each row."""
-    of_row = np.zeros((len(dependence.run), of_axis.shape[2]))
-    np.add.at(of_row, dependence.row, np.einsum("kap,ka->kp", of_axis, force))
-    return of_row
-
-
-def _scatter(of_row: Floats, run: NDArray[np.int64], reach: int) -> Floats:
+def _scatter(of_axis: Floats, force: Floats, dependence: Dependence, reach: int) -> Floats:
     """Covariance of the gradient with correlated rows of a run, closer than `reach`.
 
     Points of the same row may be correlated as well.
     """
+    run = dependence.run
+    of_row = np.zeros((len(run), of_axis.shape[2]))
+    np.add.at(of_row, dependence.row, np.einsum("kap,ka->kp", of_axis, force))
     scatter = np.asarray(of_row.T @ of_row)
     for apart in range(1, reach):
         one_run = run[apart:] == run[:-apart]

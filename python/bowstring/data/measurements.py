@@ -439,7 +439,7 @@ class _Reader:
             kept = channels.steady(values)
             if not kept.all():
                 spikes = [quote(given[k]) for k in np.flatnonzero(~kept)]
-                said += f" without {listed(spikes)}, which are far off"
+                said += f", without {listed(spikes)} far from the others"
             values = values[kept]
             zero = float(values.mean())
             if len(values) > 1:
