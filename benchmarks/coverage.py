@@ -1,4 +1,4 @@
-"""Coverage of the confidence intervals of a calibration: full fits to 400 synthetic benches.
+"""Coverage of the confidence intervals of a calibration: full fits to synthetic benches.
 
     python -m benchmarks.coverage [COUNT] [LOSS] [slack]
 
@@ -112,7 +112,7 @@ def slack(count: int, loss: Loss) -> None:
 
 
 def main() -> None:
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 400
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 300
     loss: Loss = "soft_l1" if "soft_l1" in sys.argv else "linear"
     if "slack" in sys.argv:
         slack(count, loss)

@@ -50,6 +50,7 @@ SMALL: dict[str, tuple[str, tuple[str, ...], dict[str, Any], str]] = {
     "memories": ("memories", ("1",), {}, r"relaxation: \{.*\} of 1"),
     "motions": ("motions", ("--count", "2"), {"PERIODS": 3}, "hard .*%"),
     "paths": ("campaign.paths", ("6",), {}, "friction: 1 paths, .*tip .* covered"),
+    "sensors": ("sensors", ("2", "6"), {}, r"all +all +2 "),
     "predictive": ("predictive", (), {"SECONDS": 0.1}, "constant curvature .*True"),
 }
 #: The same, with fits that take seconds.

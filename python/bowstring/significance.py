@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 from scipy import special
 
@@ -11,11 +11,16 @@ __all__ = [
     "EXTRA_LOAD",
     "MIRROR",
     "NOISE",
+    "NORMAL",
     "chi_square_p",
     "explained_p",
+    "student",
     "variance_ratio_limit",
     "variance_ratio_p",
 ]
+
+NORMAL: Final = 1.959964
+"""Standard deviations on either side of a 95 % interval by a known standard deviation."""
 
 NOISE: Final = 0.005
 """P-value below which residuals are not noise."""
@@ -23,6 +28,12 @@ MIRROR: Final = 1e-4
 """P-value below which a mirror image fits better than by noise; low, as such a frame is refused."""
 EXTRA_LOAD: Final = 1e-6
 """P-value below which gravity explains the data; low, as errors of a model are not normal."""
+
+
+def student(dof: Any) -> Any:
+    """Standard errors on either side of a 95 % interval by a standard error of `dof` degrees of
+    freedom, a number or an array."""
+    return special.stdtrit(dof, 0.975)
 
 
 def chi_square_p(square: float, dof: int) -> float:

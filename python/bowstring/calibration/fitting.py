@@ -416,10 +416,8 @@ def fit(
     (`bowstring.calibration.pieces`). Rows without an equilibrium are left out and counted.
 
     Standard errors are those of M-estimation, theory Eq. 7.2 (Huber, Robust Statistics,
-    1981, 7.6). They assume independent noise of the same size in all rows (or as stated), with its
-    own size for each point and along each axis of the measuring frame. The estimates weight all
-    points of a row alike. With priors they are those of the posterior,
-    theory Eqs 7.3 to 7.5.
+    1981, 7.6), with any errors within a row, and independent rows. The estimates weight all points
+    of a row alike. With priors they are those of the posterior, theory Eqs 7.3 to 7.5.
     """
     check_robot(robot)
     if isinstance(model, str) and model != "arc":

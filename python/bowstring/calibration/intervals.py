@@ -1,8 +1,8 @@
 """Uncertainty of fitted parameters: covariance and profile likelihood intervals.
 
-n is the number of points that are measured in used rows, M that of measured points in a row, N that
-of used rows, P that of parameters, Q that of priors. Residuals are in mm, parameters are divided by
-their natural steps.
+n is the number of points that are measured in used rows, D that of coordinates of a point, M that
+of measured points in a row, N that of used rows, P that of parameters, Q that of priors. Residuals
+are in mm or rad, parameters are divided by their natural steps.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bowstring.calibration.pieces import Landscape, Minimum
 from bowstring.calibration.residual_tests import autocorrelation
-from bowstring.significance import NOISE
+from bowstring.significance import NOISE, NORMAL, student
 
 __all__ = ["EXACT", "SAME", "Dependence", "Uncertainty", "profile_ends"]
 
@@ -33,8 +33,9 @@ SAME: Final = 1e-5
 _NOTHING: Final = 1e-10
 #: Autocorrelation of residuals that indicates dependent errors, if significant.
 _ALIKE: Final = 0.3
-#: Half width of a 95 % interval over a known standard deviation.
-_NORMAL: Final = 1.959964
+#: Share of the errors of a row in some direction that a fit leaves, below which the other rows
+#: hardly determine that direction.
+_ALONE: Final = 0.1
 #: Normal ratio of the increase of the cost at the end of an interval to that by the derivatives.
 _REGULAR: Final = (0.6, 1.7)
 #: Size of a fit times parameters up to which irregular intervals are profiled.
@@ -56,7 +57,7 @@ class Dependence:
     run : ndarray of int (N,)
         Rows of the same number are neighbours of a group.
     row, point : ndarray of int (n,)
-        Used row and point of three residuals each.
+        Used row and point of D residuals each.
     """
 
     correlation: float
@@ -67,7 +68,7 @@ class Dependence:
 
     @classmethod
     def of(cls, errors: Floats, counted: Bools, group: NDArray[Any]) -> Dependence:
-        """Test errors (K, M, 3) in m of the points that count (K, M).
+        """Test errors (K, M, D) in m or rad of the points that count (K, M).
 
         `group` (K,) as by `observations.groups`.
         """
@@ -78,8 +79,7 @@ class Dependence:
         residual = np.where(counted[at][:, :, None], errors[at], 0.0).reshape(len(at), -1)
         if np.abs(residual).max() < EXACT:
             return cls(math.nan, False, run, row, point)
-        several = counted.shape[1] > 1
-        correlation, p_value = autocorrelation(residual, near, correlated=several)
+        correlation, p_value = autocorrelation(residual, near)
         significant = correlation > _ALIKE and p_value < NOISE
         return cls(correlation, significant, run, row, point)
 
@@ -132,16 +132,16 @@ class Uncertainty:
         weighted_by: float,
         dependence: Dependence,
     ) -> Uncertainty:
-        """Compute the covariance at a minimum; noise may differ between points and axes.
+        """Compute the covariance at a minimum; the errors of a row may have any covariance.
 
-        Each coordinate of each point has its own variance. With several points the quantile of
-        an interval has the degrees of freedom of Welch and Satterthwaite.
+        Where a row determines a direction nearly alone, each coordinate of each point has one
+        variance instead, and intervals have the degrees of freedom of Welch and Satterthwaite.
 
         Parameters
         ----------
-        by : tuple of ndarray (3 n,)
+        by : tuple of ndarray (D n,)
             First and second derivative of half the loss by the residuals.
-        jacobian, prior : ndarray (3 n, P), (Q, P)
+        jacobian, prior : ndarray (D n, P), (Q, P)
             Derivatives of the residuals of data and priors.
         weighted_by : float
             Standard deviation of a residual by which the priors are weighted, mm.
@@ -154,8 +154,6 @@ class Uncertainty:
         Uncertainty
             Covariance, intervals and noise.
         """
-        from scipy.special import stdtrit
-
         size = np.sqrt((jacobian**2).sum(axis=0) + (prior**2).sum(axis=0))
         size[size == 0] = 1.0
         rows, own = jacobian / size, prior / size
@@ -168,8 +166,8 @@ class Uncertainty:
             is_seen = singular > _NOTHING * singular[0]
         seen, lost = direction[is_seen], direction[~is_seen]
 
-        force, slope = (each.reshape(-1, 3) for each in by)
-        of_axis = (rows @ seen.T).reshape(len(force), 3, len(seen))
+        force, slope = (each.reshape(len(dependence.row), -1) for each in by)
+        of_axis = (rows @ seen.T).reshape(*force.shape, len(seen))
         own = own @ seen.T
         points = [dependence.point == m for m in np.unique(dependence.point)]
         square = np.stack([_square(of_axis[own_rows]) for own_rows in points])
@@ -180,7 +178,6 @@ class Uncertainty:
         determined = float(taken.sum())
         rows_of = np.array([[float(own_rows.sum())] for own_rows in points])
         free = np.maximum(rows_of - taken, 1.0)
-        spread = np.stack([(force[own_rows] ** 2).sum(axis=0) for own_rows in points]) / free
         share = determined / slope.size
         correction = 1 + share * float(slope.var()) / float(slope.mean()) ** 2
         back = seen.T @ inverse / size[:, None]
@@ -190,11 +187,15 @@ class Uncertainty:
             scatter *= float(rows_of.sum() / free.min(axis=1).sum())
             width = reach / len(dependence.run)
             half = float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], width))
+        elif (clusters := _Clusters.of(of_axis, mean, inverse, dependence)) is not None:
+            scatter = clusters.scatter(force)
+            half = student(clusters.freedom(back))
         else:
+            spread = np.stack([(force[own_rows] ** 2).sum(axis=0) for own_rows in points]) / free
             of_point = np.einsum("ma,mapq->mpq", spread, square)
             scatter = of_point.sum(axis=0)
             share_of_point = np.einsum("ip,mpq,iq->mi", back, of_point, back)
-            half = stdtrit(_freedom(share_of_point, free.min(axis=1)), 0.975)
+            half = student(_freedom(share_of_point, free.min(axis=1)))
         scatter *= correction**2
         of_data = back @ scatter @ back.T
         of_priors = weighted_by**2 * back @ own.T @ own @ back.T
@@ -203,16 +204,90 @@ class Uncertainty:
         known = np.diag(of_priors) / np.where(total > 0.0, total, 1.0)
         return cls(
             covariance,
-            np.sqrt(half**2 + known * (_NORMAL**2 - half**2)),
+            np.sqrt(half**2 + known * (NORMAL**2 - half**2)),
             math.sqrt(float(np.sum(inverse * scatter)) / max(determined, 1e-300)),
             determined,
             lost,
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Clusters:
+    """Rows whose errors have any covariance: jackknife of a linearised fit.
+
+    A wrong command moves all coordinates of its row, and more where the robot moves more. The
+    jackknife counts this in full (MacKinnon, Nielsen and Webb, Journal of Applied Econometrics 38,
+    2023). C is the number of coordinates of a row, p that of directions. Made by `of`.
+
+    Attributes
+    ----------
+    place : tuple of ndarray of int (n,)
+        Row of each point, and its place in it.
+    derivatives : ndarray (N, C, p)
+        Derivatives of the coordinates, zero where not measured.
+    whole : ndarray (N, C, C)
+        Errors by a fit without the row over those by the fit.
+    inverse : ndarray (p, p)
+        Inverse of the Hessian.
+    weight : ndarray (C,)
+        Mean second derivative of the loss for each coordinate.
+    """
+
+    place: tuple[NDArray[np.int64], NDArray[np.int64]]
+    derivatives: Floats
+    whole: Floats
+    inverse: Floats
+    weight: Floats
+
+    @classmethod
+    def of(
+        cls, of_axis: Floats, mean: Floats, inverse: Floats, dependence: Dependence
+    ) -> _Clusters | None:
+        """Make rows; None if a row determines a direction nearly alone: none shows its errors."""
+        place = dependence.row, np.unique(dependence.point, return_inverse=True)[1]
+        derivatives = np.zeros((len(dependence.run), len(mean), *of_axis.shape[1:]))
+        derivatives[place] = of_axis
+        derivatives = derivatives.reshape(len(derivatives), mean.size, -1)
+        weight = np.maximum(mean.ravel(), 0.0)  # rounding, where Huber's loss is linear in all rows
+        scaled = np.sqrt(weight)[:, None] * derivatives
+        left = np.eye(mean.size) - scaled @ inverse @ np.swapaxes(scaled, 1, 2)
+        if np.linalg.eigvalsh(left).min(initial=1.0) < _ALONE:
+            return None
+        return cls(place, derivatives, np.linalg.inv(left), inverse, weight)
+
+    def scatter(self, force: Floats) -> Floats:
+        """Covariance (p, p) of the gradient."""
+        table = np.zeros((len(self.whole), len(self.weight) // force.shape[1], force.shape[1]))
+        table[self.place] = force
+        errors = (self.whole @ table.reshape(len(table), -1, 1))[..., 0]
+        of_row = np.einsum("kcp,kc->kp", self.derivatives, errors)
+        return np.asarray(of_row.T @ of_row)
+
+    def freedom(self, back: Floats) -> Floats:
+        """Degrees of freedom (P,) of the variances of parameters, for equal, independent errors.
+
+        By Bell and McCaffrey (Survey Methodology 28, 2002). `back` (P, p) times the gradient is the
+        error of the parameters.
+        """
+        half = np.linalg.cholesky(self.inverse)
+        scaled = np.sqrt(self.weight)[:, None] * self.derivatives @ half
+        all_own = self.whole @ (self.derivatives @ back.T)
+        freedom = np.ones(len(back))
+        for i in range(len(back)):
+            own = all_own[..., i]
+            size = (own**2).sum(axis=1)
+            common = (own[:, None] @ scaled)[:, 0]
+            taken = (common**2).sum(axis=1)
+            square = (size**2).sum() - 2.0 * size @ taken + ((common.T @ common) ** 2).sum()
+            if square > 0.0:
+                freedom[i] = (size - taken).sum() ** 2 / square
+        return np.maximum(freedom, 1.0)
+
+
 def _square(of_axis: Floats) -> Floats:
-    """Sums (3, P, P) over the rows of the products of derivatives (n, 3, P) by each axis."""
-    return np.asarray(np.einsum("kap,kaq->apq", of_axis, of_axis))
+    """Sums (D, P, P) over the rows of the products of derivatives (n, D, P) by each axis."""
+    by_axis = np.swapaxes(of_axis, 0, 1)
+    return np.asarray(np.swapaxes(by_axis, 1, 2) @ by_axis)
 
 
 def _freedom(variance: Floats, free: Floats) -> Floats:

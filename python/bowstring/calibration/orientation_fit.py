@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import Estimate
+from bowstring.calibration.intervals import Dependence, Uncertainty
 from bowstring.calibration.parameters import Unknowns
-from bowstring.calibration.pieces import Loss, rho
-from bowstring.calibration.search import spread
+from bowstring.calibration.pieces import Loss, influence
+from bowstring.calibration.search import robust, turn_of
 from bowstring.calibration.tip_model import TipModel, rotation
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.results import Key, Result
@@ -33,11 +34,9 @@ __all__ = ["AngleScore", "OrientationFit", "angle_errors", "fit_orientation"]
 
 Floats = NDArray[np.float64]
 
-_TURN: Final = 2.0  # standard deviations beyond which a robust loss is linear
 _SMALL: Final = 1e-6  # of a parameter's step
 _SMALL_BY_STATICS: Final = 1e-3  # the equilibrium is less exact than an arc
 _NO_EFFECT: Final = 1e-9  # rad per step of a parameter
-_ALIKE: Final = 1e-6  # least singular value over the largest of independent parameters
 
 
 @dataclass(frozen=True)
@@ -124,12 +123,10 @@ def fit_orientation(
 
     Notes
     -----
-    Standard errors are those of M-estimation, theory Eq. 7.2, for independent noise of one size in
-    all errors along the bend, and of another in those perpendicular to it where the direction is
-    measured: a sensor that bends in one plane has none of these.
+    Standard errors are those of `fit`, theory Eq. 7.2. The residuals of a row are the errors along
+    the bend, and perpendicular to it where the direction is measured.
     """
     from scipy.optimize import least_squares
-    from scipy.stats import t
 
     check_robot(robot)
     if isinstance(model, str) and model != "arc":
@@ -200,32 +197,29 @@ def fit_orientation(
             argument="parameters",
         )
     solve = partial(least_squares, residuals, jac=jacobian, bounds=bounds, x_scale="jac")
-    found = solve(first)
-    left, turn = found.fun, np.inf
-    if loss != "linear":
-        for _ in range(3):  # the scatter of the residuals follows the estimates
-            parts = left.reshape(before.shape).T
-            turn = _TURN * max(1e-9, *(spread(each, len(items) / len(parts)) for each in parts))
-            found = solve(found.x, loss=partial(rho, loss=loss, count=left.size), f_scale=turn)
-            left = residuals(found.x)
-    slopes = jacobian(found.x)
-    singular = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), compute_uv=False)
-    if singular[-1] < _ALIKE * singular[0]:
+    found, turn = solve(first), np.inf
+    left = found.fun
+    while loss != "linear":
+        parts = left.reshape(before.shape).T  # a sensor that bends in one plane has no second one
+        lower = max(turn_of(each, len(items) / len(parts), turn) for each in parts)
+        if lower == turn:
+            break
+        turn = lower
+        found = solve(found.x, **robust(loss, turn, left.size))
+        left = residuals(found.x)
+    force, curvature = influence(left, loss, turn)
+    table = np.full((len(data), 1, before.shape[1]), np.nan)
+    table[solved, 0] = left.reshape(before.shape)
+    dependence = Dependence.of(table, solved[:, None], observations.groups(data, len(data)))
+    none = np.empty((0, len(items)))
+    known = Uncertainty.of((force, curvature), jacobian(found.x), none, 0.0, dependence)
+    if len(known.lost):
         raise InputError(
             f"the angles cannot separate {', '.join(unknowns.names)}; fit fewer of them",
             argument="parameters",
         )
-    force, curvature = left, np.ones_like(left)
-    if np.isfinite(turn):
-        z = (left / turn) ** 2
-        _, slope, second = rho(z, loss, len(z))
-        force, curvature = left * slope, slope + 2.0 * z * second
-    squares = (force.reshape(before.shape) ** 2).mean(axis=0)
-    variance = squares * before.size / free / float(curvature.mean()) ** 2
-    inverse = np.linalg.inv(slopes.T @ slopes)
-    by_residual = np.tile(variance, len(before))[:, None]
-    error = np.sqrt(np.diag(inverse @ (slopes.T @ (by_residual * slopes)) @ inverse))
-    half = float(t.ppf(0.975, free)) * error
+    error = np.sqrt(np.diag(known.covariance))
+    half = known.half * error
     values = found.x * step
     at = of_tips.predict(values)
     estimates = []
@@ -240,7 +234,7 @@ def fit_orientation(
         int(solved.sum()),
         AngleScore.of(np.linalg.norm(errors(found.x), axis=1)),
         AngleScore.of(np.linalg.norm(before, axis=1)),
-        float(np.sqrt(variance.mean())),
+        float(np.sqrt((force**2).sum() / free) / curvature.mean()),
         found.status > 0,
         unknowns.calibrated(values, by_displacement=commands.are_displacements)[0],
         at.rotation[:, -1, :, 2],

@@ -66,6 +66,15 @@ def rho(z: Floats, loss: Loss, count: int) -> Floats:
     return out
 
 
+def influence(residuals: Floats, loss: Loss, turn: float) -> tuple[Floats, Floats]:
+    """First and second derivative of half the loss by residuals, which turns linear at `turn`."""
+    if not np.isfinite(turn):
+        return residuals, np.ones_like(residuals)
+    z = (residuals / turn) ** 2
+    _, first, second = rho(z, loss, len(z))
+    return residuals * first, first + 2.0 * z * second
+
+
 @dataclass(frozen=True)
 class Pieces:
     """Piecewise linear model of the measured points.

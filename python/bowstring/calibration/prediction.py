@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,16 +16,12 @@ from bowstring.calibration.fitting import Fit
 from bowstring.calibration.observations import Measured
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.significance import NORMAL, student
 from bowstring.validation import floats
 
 __all__ = ["Predicted", "predict_with_interval"]
 
 Floats = NDArray[np.float64]
-
-#: Standard deviations on either side of a 95 % interval.
-_NORMAL: Final = 1.959964
-#: Its probability below the upper end.
-_UPPER: Final = 0.975
 
 
 @short_repr
@@ -50,7 +45,7 @@ class Predicted:
     point: Floats
     by_parameters: Floats
     scatter: Floats
-    quantile: float = _NORMAL
+    quantile: float = NORMAL
 
     @property
     def deviation(self) -> Floats:
@@ -137,12 +132,10 @@ def predict_with_interval(
     jacobian = found.jacobian(data)
     by_parameters = np.sqrt(np.einsum("kap,pq,kaq->ka", jacobian, _covariance(found), jacobian))
     blocks = found.linear.block if errors is None else None
-    quantile = _NORMAL
+    quantile = NORMAL
     if blocks is not None and blocks.max() > 0:
-        from scipy.special import stdtrit
-
         errors = left_out(found.linear, found.residuals[found.used_tips])
-        quantile = float(stdtrit(blocks.max(), _UPPER))
+        quantile = float(student(blocks.max()))
     return Predicted(found.predict(data), by_parameters, _scatter(found, errors), quantile)
 
 

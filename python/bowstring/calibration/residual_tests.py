@@ -182,10 +182,11 @@ def _wrong(e: Array, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
     return np.asarray(wrong & (wrong.sum() <= max(1, _FEW_WRONG * len(e))))
 
 
-def autocorrelation(
-    residual: Array, near: NDArray[np.bool_], *, correlated: bool = False
-) -> tuple[float, float]:
+def autocorrelation(residual: Array, near: NDArray[np.bool_]) -> tuple[float, float]:
     """Compute the autocorrelation of neighbours, pooled over coordinates, and its p-value.
+
+    The coordinates of a row may have different variances and be correlated, as those of several
+    points are, and those of a tip whose command is noisy.
 
     Parameters
     ----------
@@ -193,8 +194,6 @@ def autocorrelation(
         Model minus measurement, m.
     near : array of bool (K - 1,)
         Whether a row and the next are neighbours.
-    correlated : bool
-        Whether the coordinates of a row may be correlated, as those of several points are.
 
     Returns
     -------
@@ -207,8 +206,7 @@ def autocorrelation(
     if pairs < _FEW or squares.sum() == 0.0:
         return math.nan, math.nan
     products = float(np.sum(residual[1:][near] * residual[:-1][near]))
-    # coordinates with different variances
-    moments = residual.T @ residual if correlated else squares
+    moments = residual.T @ residual
     deviation = math.sqrt(pairs * float(np.sum(moments**2))) / count
     correlation = products / pairs * count / float(squares.sum())
     return min(max(correlation, -1.0), 1.0), float(special.ndtr(-products / deviation))

@@ -16,19 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty
-from bowstring.calibration.pieces import Landscape, Loss, Pieces, rho
+from bowstring.calibration.pieces import Landscape, Loss, Pieces, influence, rho
 from bowstring.calibration.priors import Priors
 from bowstring.calibration.tip_model import Prediction, TipModel
 from bowstring.data.rigid import align
 from bowstring.errors import InputError, NoSolutionError
 
-__all__ = ["Residuals", "Search", "spread"]
+__all__ = ["Residuals", "Search", "robust", "spread", "turn_of"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 #: Residual, in standard deviations, at which a robust loss turns from quadratic to linear.
 _TURN: Final = 2.0
+#: Such a residual over the last one at which a fit is repeated.
+_LOWER: Final = 0.8
 _EVALUATIONS: Final = 100
 _RESCALES: Final = 10
 #: Relative change of the noise below which the weight of the priors is kept.
@@ -56,6 +58,22 @@ def spread(residuals: Floats, parameters: float) -> float:
     """Robust standard deviation, 1.4826 times the median absolute value, for the free residuals."""
     share = max(len(residuals) - parameters, 1.0) / len(residuals)
     return float(1.4826 * np.median(np.abs(residuals)) / np.sqrt(share))
+
+
+def turn_of(residuals: Floats, parameters: float, last: float) -> float:
+    """Residual at which a robust loss turns linear; the last one unless it is clearly below that.
+
+    Outliers widen it until a fit has left them.
+    """
+    turn = _TURN * max(spread(residuals, parameters), 1e-9)
+    return turn if turn <= _LOWER * last else last
+
+
+def robust(loss: Loss, turn: float, count: int) -> dict[str, Any]:
+    """Options of the loss for `scipy.optimize.least_squares`, of `count` data before the priors."""
+    if not np.isfinite(turn):
+        return {}
+    return {"loss": partial(rho, loss=loss, count=count), "f_scale": turn}
 
 
 @dataclass(frozen=True)
@@ -351,9 +369,8 @@ class Search:
             if changed:
                 self.noise = now.noise
         if self.loss != "linear":
-            turn = _TURN * max(spread(found.fun[: self.work.count], determined), 1e-9)
-            if turn <= 0.8 * self.turn:
-                self.turn, changed = turn, True
+            turn = turn_of(found.fun[: self.work.count], determined, self.turn)
+            self.turn, changed = turn, changed or turn < self.turn
         return changed
 
     def uncertainty(self, scaled: Floats) -> Uncertainty:
@@ -370,17 +387,7 @@ class Search:
 
     def force(self, residuals: Floats) -> tuple[Floats, Floats]:
         """First and second derivative of half the loss by residuals of the data."""
-        if not np.isfinite(self.turn):
-            return residuals, np.ones_like(residuals)
-        z = (residuals / self.turn) ** 2
-        _, first, second = rho(z, self.loss, len(z))
-        return residuals * first, first + 2.0 * z * second
-
-    def _scipy_loss(self, count: int) -> dict[str, Any]:
-        """Options of the loss for `scipy.optimize.least_squares`, of `count` data."""
-        if not np.isfinite(self.turn):
-            return {}
-        return {"loss": partial(rho, loss=self.loss, count=count), "f_scale": self.turn}
+        return influence(residuals, self.loss, self.turn)
 
     def residuals(self, scaled: Floats) -> Floats:
         """Residuals of data and priors (3 n + Q,)."""
@@ -407,7 +414,7 @@ class Search:
                     work.low - scaled,
                     work.high - scaled,
                     work.priors.jacobian(self.noise),
-                    self._scipy_loss(len(residuals)),
+                    robust(self.loss, self.turn, len(residuals)),
                 )
             self._land = key, land
         return self._land[1]
@@ -437,7 +444,7 @@ class Search:
             x_scale="jac",
             gtol=1e-10,
             **self.options,
-            **self._scipy_loss(self.work.count),
+            **robust(self.loss, self.turn, self.work.count),
         )
 
     def _lowest(self, found: Any) -> Any:

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import listed, significant
 
-__all__ = ["advice", "is_negated", "likely_zero", "noise_about_zero", "rest", "saturated", "spikes"]
+__all__ = [
+    "advice",
+    "is_negated",
+    "likely_zero",
+    "noise_about_zero",
+    "rest",
+    "saturated",
+    "spikes",
+    "steady",
+]
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +37,10 @@ _GATHER: Final = 0.2  # share of the rows there if they gather; 0.1 if readings 
 _OFTEN: Final = 0.02  # share of rows above which readings are no spikes
 _TWO: Final = 20  # rows from which two readings may be spikes
 _FAR: Final = 3.0  # distance of a spike over the range of the others
+_PART: Final = 4  # one of so many readings of a steady channel may be a spike
+_STEP: Final = 1.4  # least ratio of two levels of a geometric series
+_LEVELS: Final = 3  # ratios of a geometric series
+_ALIKE: Final = 2.0  # largest over least of these ratios
 _RUN: Final = 5  # rows
 _STILL: Final = 0.05  # share of its range within which a robot rests
 _DISTINCT: Final = 0.8  # share of different readings of a sensor; commands repeat
@@ -87,7 +100,7 @@ def _few_of(count: int) -> int:
 def spikes(readings: Floats) -> NDArray[np.int64]:
     """Rows of the few readings that lie several times the range of the others away from them.
 
-    Many in a row are a pulse.
+    Many in a row are a pulse, and the last of a geometric series is none.
     """
     if len(readings) <= _FEW + 1:
         return np.empty(0, np.int64)
@@ -102,9 +115,37 @@ def spikes(readings: Floats) -> NDArray[np.int64]:
     if len(np.unique(rest[:_SAMPLE])) <= _FEW:  # a tendon that is seldom loaded
         return np.empty(0, np.int64)
     low, high = rest.min(), rest.max()
+    middle = np.sort(readings)[(len(readings) - 1) // 2 : len(readings) // 2 + 1]
+    if any(_is_geometric(readings, centre) for centre in middle):
+        return np.empty(0, np.int64)
     rows = np.flatnonzero(np.maximum(low - readings, readings - high) > _FAR * (high - low))
     runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     return np.concatenate([run for run in runs if len(run) < _RUN] or [rows[:0]])
+
+
+def _is_geometric(readings: Floats, centre: float) -> bool:
+    """Whether the readings farthest from a centre are levels of about the same ratio."""
+    sizes = np.abs(readings - centre)
+    levels = [float(sizes.max())]
+    for _ in range(_LEVELS):
+        levels.append(float(sizes.max(where=sizes < levels[-1] / _STEP, initial=0.0)))
+        if not levels[-1]:
+            return False
+    ratios = np.divide(levels[:-1], levels[1:])
+    return bool(ratios.max() <= _ALIKE * ratios.min())
+
+
+def steady(readings: Floats) -> NDArray[np.bool_]:
+    """Readings of a robot at rest without spikes: several times the range of the others away."""
+    order = np.argsort(np.abs(readings - np.median(readings)), kind="stable")
+    kept = np.ones(len(readings), bool)
+    for few in range(len(readings) // _PART, 0, -1):
+        low, high = readings[order[:-few]].min(), readings[order[:-few]].max()
+        far = readings[order[-few:]]
+        if np.maximum(low - far, far - high).min() > _FAR * (high - low):
+            kept[order[-few:]] = False
+            break
+    return kept
 
 
 def saturated(readings: Floats, from_rest: bool = False) -> tuple[int, int] | None:

@@ -43,6 +43,7 @@ from bowstring.errors import InputError
 from bowstring.formatting import in_mm, listed, significant
 from bowstring.json_files import parsed, structured
 from bowstring.robot.model import Robot, check_robot
+from bowstring.significance import NORMAL, student
 from bowstring.units import printable, quote
 
 __all__ = [
@@ -413,7 +414,7 @@ class _Reader:
         self.rows = 0
 
     def find_zeros(self) -> None:
-        """Read the zeros of columns that are means of rows of the table."""
+        """Read the zeros of columns that are means of rows of the table, without spikes."""
         layout = self.layout
         columns = [column for _, column in layout.tendons]
         columns += [column for point in layout.points for column in point]
@@ -440,9 +441,16 @@ class _Reader:
                     f"{self.table.path}, line {lines[k]}: {said}, and here it is "
                     f"{quote(given[k])}; name other rows, or give the number"
                 )
+            kept = channels.steady(values)
+            if not kept.all():
+                spikes = [quote(given[k]) for k in np.flatnonzero(~kept)]
+                said += f", without {listed(spikes)} far from the others"
+            values = values[kept]
             zero = float(values.mean())
             if len(values) > 1:
-                error = float(values.std(ddof=1)) / math.sqrt(len(values))
+                # 1.96 of these deviations are Student's interval
+                wide = float(student(len(values) - 1)) / NORMAL
+                error = wide * float(values.std(ddof=1)) / math.sqrt(len(values))
                 self.zero_error[column.name] = abs(error * column.factor)
             else:  # by the scatter of other readings without load
                 self.zero_error[column.name] = math.nan
@@ -460,6 +468,8 @@ class _Reader:
         arrays: dict[str, Any] = {
             name: np.concatenate([found[name] for found in chunks]) for name in chunks[0]
         }
+        if self.layout.points:
+            arrays["unseen"] = np.isnan(arrays["points"][:, -1]).all(axis=1)
         if not (good := self.find_faults(arrays)).all():
             arrays = {name: array[good] for name, array in arrays.items()}
         if not (good := self.judge_tensions(arrays["tensions"], arrays["line"])).all():
@@ -467,7 +477,7 @@ class _Reader:
         if not len(arrays["line"]):
             raise self.nothing()
         if self.layout.points:
-            self.note_unseen(arrays["line"], np.isnan(arrays["points"][:, -1]).all(axis=1))
+            self.note_unseen(arrays["line"], arrays.pop("unseen"))
         self.issues += self.table.notes
         if self.comma is not None:
             if self.point is not None:
@@ -734,7 +744,8 @@ class _Reader:
     def find_faults(self, arrays: dict[str, Any]) -> NDArray[np.bool_]:
         """List spikes, saturated sensors and columns of a constant.
 
-        Rows (K,) without a spike of a command; a tip may be wrong where the command is right.
+        Returns rows (K,) without a spike of a command. A point with a spike becomes NaN in place:
+        the command of its row may be right, and is part of the path.
         """
         lines, layout = arrays["line"], self.layout
         good = np.ones(len(lines), bool)
@@ -769,8 +780,10 @@ class _Reader:
                 line, text = issues[0]
                 more = f" (the first of {len(rows)})" if len(rows) > 1 else ""
                 if kind == "point":
-                    self.issues += [(line, f"{text}; it is kept") for line, text in issues]
-                    cure = "correct or delete it."
+                    self.issues += [(line, f"left out as a point: {text}") for line, text in issues]
+                    point = (i - len(layout.tendons)) // 3
+                    arrays["points"][np.flatnonzero(seen)[rows], point] = np.nan
+                    cure = "the point is left out."
                 else:
                     for where, what in issues:
                         if good[where == lines].all():
