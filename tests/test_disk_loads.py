@@ -41,12 +41,13 @@ def test_the_last_disk_is_the_tip() -> None:
             load = bs.Load(gravity=UP, **{disk: only(9, vector)})
             two = bs.solve(ROBOT, TENSIONS, load=load, model=model)
             assert one.converged and one.stable == two.stable
-            assert np.abs(one.disk_positions - two.disk_positions).max() < 1e-13
+            # from different starts
+            assert np.abs(one.disk_positions - two.disk_positions).max() < 1e-12
     # both add up
     half = bs.Load(tip_force=[0, 0.5, 0], disk_forces=only(9, [0, 0.5, 0]))
     whole = bs.solve(ROBOT, TENSIONS, load=bs.Load(tip_force=[0, 1, 0]))
     off = bs.solve(ROBOT, TENSIONS, load=half).disk_positions - whole.disk_positions
-    assert np.abs(off).max() < 1e-13
+    assert np.abs(off).max() < 1e-12
 
 
 @pytest.mark.parametrize("disk", [1, 5, 9])

@@ -422,7 +422,7 @@ def test_frames_and_centerline_agree(rao):
     line = s.centerline(5)
     assert line.shape == (101, 3)
     assert np.array_equal(line[0], np.zeros(3))
-    assert np.abs(line[5::5] - s.disk_positions).max() < 1e-15
+    assert np.abs(line[5::5] - s.disk_positions).max() < 3e-15  # rounding
     # tendons: straight between the holes
     hole = np.column_stack([rao.tendons.hole_m, np.zeros(6)])
     for i in range(6):
