@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from bowstring.robot.draft import MATERIALS, MOUNTS
+from bowstring.cli.new import MATERIALS, MOUNTS
 from bowstring.robot.reader import load_robot
 from shell import Shell
 
@@ -89,14 +89,13 @@ def test_materials_and_mounts_are_plausible(shell: Shell, material: str, mount: 
         ("--material", "steel,190", "got 190 without a unit; write for example"),
         ("--material", "steel,2 kg", '"kg" is not a unit of stress'),
         ("--diameter", "1.5", "without a unit"),
-        ("--diameter", "2 mm,2 mm", "got a bore of 2 mm; must be smaller than 2 mm"),
-        ("--diameter", "2 mm,1 mm,1 mm", "got 3 numbers; write the diameter"),
+        ("--diameter", "2 mm,1 mm,1 mm", "got 3 values; write D[,BORE], such as 1.5 mm"),
         ("--lengths", "200 mm,", "got nothing"),
         ("--lengths", "-1 mm", "must lie between"),
         ("--disks", "2.5", "must be a whole number"),
         ("--tendons", "0", "must be a whole number"),
         ("--pitch-radius", "1 kg", "is not a unit of length"),
-        ("--disk", "2 g", "write mass and thickness"),
+        ("--disk", "2 g", "got one value; write M,T, such as 2 g,3 mm"),
         ("--disk", "3 mm,2 g", "is not a unit of mass"),
         ("--mount", "left", "must be one of down, up, side, none"),
         ("--from", "gone.json", "gone.json is not a file"),
@@ -110,7 +109,8 @@ def test_bad_flags(shell: Shell, here: Path, flag: str, text: str, says: str) ->
 
 def test_what_does_not_fit_together_is_not_written(shell: Shell, here: Path) -> None:
     said = shell.error("new", "mine.yaml", "--pitch-radius", "0.5 mm")
-    assert "mine.yaml" in said and "pitch_radius: got 0.5 mm" in said
+    assert "mine.yaml, which was not written" in said and "pitch_radius: got 0.5 mm" in said
+    assert "inner_diameter: got 2 mm" in shell.error("new", "a.yaml", "--diameter", "2 mm,2 mm")
     assert "--disks: not with --from" in shell.error(
         "new", "a.yaml", "--disks", "5", "--from", "b.json"
     )
@@ -131,13 +131,17 @@ def test_a_name_that_yaml_would_misread(shell: Shell) -> None:
 
 
 def test_a_file_of_another_program(shell: Shell) -> None:
-    Path("rod.m").write_text("L1.linktype='s'; L1.L=0.3; L1.r=@(X1)0.01; L1.E=1e7; L1.Poi=0.4;")
-    code, out, _ = shell("new", "rod.yaml", "--from", "rod.m")
+    """A bare rod has no tendons to pull: the next commands are for a tip force."""
+    Path("rod.json").write_text(
+        '{"joint_config_mode": "material", "total_length": 0.3, "radius": 0.01, '
+        '"material_properties": {"density": 1100, "youngs_modulus": 1e7, "poisson_ratio": 0.4}, '
+        '"gravity": "0 0 0"}'
+    )
+    code, out, _ = shell("new", "rod.yaml", "--from", "rod.json")
     assert code == 0 and load_robot("rod.yaml").length == 0.3
-    assert "Assumed, and marked in the file: gravity 0 0 0 m/s^2, density 0 kg/m^3." in out
-    assert "Not converted: tendons (of the linkage), damping and joints." in out
-    solve = next(shlex.split(line)[1:] for line in out.splitlines() if " solve " in line)
-    assert shell.json(*solve)["tip"]["position_m"][0] > 0.01
+    assert "Not converted: actuator_properties" in out and "Assumed" not in out
+    solve, modes = (shlex.split(line)[1:] for line in out.splitlines()[-2:])
+    assert shell.json(*solve)["tip"]["position_m"][0] > 0.01 and modes == ["modes", "rod.yaml"]
 
 
 def answered(answers: str) -> tuple[str, int]:
@@ -176,6 +180,16 @@ def test_questions_on_a_terminal() -> None:
     assert segment.backbone.E == 40e9 and robot.gravity == (0, 0, -9.80665)
     marked = [line for line in Path("mine.yaml").read_text().splitlines() if "not yours" in line]
     assert [line.split(":")[0].strip() for line in marked] == ["diameter", "count"]
+
+
+def test_answers_that_do_not_fit_together_are_asked_again() -> None:
+    """The former answers are the defaults then."""
+    text, code = answered("\n\n250 mm\n\n\n0.5 mm\n\n" + "\n\n\n\n\n9 mm\n\n")
+    assert code == 0, text
+    assert "pitch_radius: got 0.5 mm" in text and "Answer again; Enter keeps an answer." in text
+    assert text.count("[200 mm]") == text.count("[250 mm]") == 1
+    robot = load_robot("mine.yaml")
+    assert (robot.length, robot.tendons.pitch_radius_m[0]) == (0.25, 0.009)
 
 
 def test_the_end_of_input_writes_nothing(here: Path) -> None:

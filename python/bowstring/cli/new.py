@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Mapping
+from itertools import cycle
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
@@ -13,104 +14,149 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 
 from bowstring.cli import completion
-from bowstring.cli.groups import option
+from bowstring.cli.groups import Group, option
 from bowstring.cli.output import Stopped, say, write
 from bowstring.errors import InputError
 from bowstring.formatting import listed
-from bowstring.units import printable, quote, rounded
+from bowstring.units import Marker, number_with_unit, printable, quote, rounded
 
 if TYPE_CHECKING:
     from bowstring.robot.draft import Draft
     from bowstring.robot.model import Robot
 
 _CONTENT: Final = "robot file"
-_WIDTH: Final = 100
-#: Of the robot of the start page, by argument.
-_DEFAULTS: Final = {
-    "material": "nitinol",
-    "diameter": "1.5 mm",
-    "lengths": "200 mm",
-    "disks": "5",
-    "tendons": "3",
-    "pitch_radius": "10 mm",
-    "disk": "2 g,3 mm",
-    "mount": "down",
+_EARTH: Final = 9.80665  # m/s^2
+#: Typical E, nu and density: austenitic nitinol, spring steel, rods of unidirectional glass fibre
+#: along the fibres, unfilled PEEK, dry nylon 66. All but steel vary by 20 % and more.
+MATERIALS: Final = {
+    "nitinol": ("60 GPa", "0.33", "6450 kg/m^3"),
+    "steel": ("200 GPa", "0.29", "7850 kg/m^3"),
+    "glass-fibre": ("40 GPa", "0.3", "1900 kg/m^3"),
+    "peek": ("3.6 GPa", "0.38", "1300 kg/m^3"),
+    "nylon": ("2.8 GPa", "0.39", "1140 kg/m^3"),
+}
+#: Gravity (m/s^2) in the base frame, and its comment, by where the straight robot points.
+MOUNTS: Final = {
+    "down": (f"0 0 {_EARTH}", "along +z, from base to tip: the robot hangs down"),
+    "up": (f"0 0 -{_EARTH}", "along -z, from tip to base: the robot stands"),
+    "side": (f"{_EARTH} 0 0", "along x, perpendicular to the backbone"),
+    "none": ("0 0 0", "none"),
 }
 
 
+def _value(field: str, text: str) -> Any:
+    """Value of the text of a field of the robot file, such as ``Disks.mass``."""
+    from bowstring.robot import parts
+
+    owner, name = field.split(".")
+    metadata = getattr(parts, owner).model_fields[name].metadata
+    return next(mark for mark in metadata if isinstance(mark, Marker)).read(text)
+
+
 class _Question(NamedTuple):
-    """A question: the argument that it is for, its text, and what reads the answer."""
+    """A question, its default answer, and what the comma-separated parts of an answer are.
 
-    name: str
+    Each part is one of some words, or a field of `bowstring.robot.parts`. An answer has at least
+    `least` parts; 0 is for any number of the first.
+    """
+
+    form: str
     text: str
-    read: Callable[[str], dict[str, Any]]
+    default: str
+    parts: tuple[Collection[str] | str, ...]
+    least: int = 1
 
-    @property
-    def flag(self) -> str:
-        return "--" + self.name.replace("_", "-")
+    def read(self, text: str) -> list[str]:
+        """Parts of an answer; ValueError says what is wrong with it."""
+        given = [" ".join(part.split()) for part in text.split(",")]
+        if self.least and not self.least <= len(given) <= len(self.parts):
+            count = "one value" if len(given) == 1 else f"{len(given)} values"
+            raise ValueError(f"got {count}; write {self.form}, such as {self.default}")
+        for part, value in zip(cycle(self.parts), given, strict=False):
+            if isinstance(part, str):
+                _value(part, value)
+            elif value not in part:
+                raise ValueError(f"got {quote(value)}; must be one of {', '.join(part)}")
+        return given
 
-    @property
-    def default(self) -> str:
-        return _DEFAULTS[self.name]
+
+#: By argument. The defaults are the robot of the start page.
+_QUESTIONS: Final = {
+    "material": _Question(
+        "NAME[,E]",
+        f'Material of the backbone ({", ".join(MATERIALS)}), and E if known: "steel,190 GPa"',
+        "nitinol",
+        (MATERIALS, "Backbone.E"),
+    ),
+    "diameter": _Question(
+        "D[,BORE]",
+        'Diameter of the backbone, and of its bore if it is a tube: "2 mm,1 mm"',
+        "1.5 mm",
+        ("Backbone.diameter", "Backbone.inner_diameter"),
+    ),
+    "lengths": _Question(
+        "L,...",
+        'Length of each segment, base to tip: "9 cm,6 cm"',
+        "200 mm",
+        ("Segment.length",),
+        0,
+    ),
+    "disks": _Question("N", "Number of disks of each segment", "5", ("Disks.count",)),
+    "tendons": _Question("N", "Number of tendons of each segment", "3", ("TendonRing.count",)),
+    "pitch_radius": _Question(
+        "R", "Distance of the tendons from the axis", "10 mm", ("TendonRing.pitch_radius",)
+    ),
+    "disk": _Question(
+        "M,T", "Mass and thickness of a disk", "2 g,3 mm", ("Disks.mass", "Disks.thickness"), 2
+    ),
+    "mount": _Question(
+        "|".join(MOUNTS), "Where the straight robot points; none: no gravity", "down", (MOUNTS,)
+    ),
+}
 
 
-def _flag(form: str, name: str, text: str, **more: Any) -> Any:
-    return option(form, f"{text}  [default: {_DEFAULTS[name]}]", **more)
+def _flag(name: str) -> Any:
+    form, text, default, parts, *_ = _QUESTIONS[name]
+    words = () if isinstance(parts[0], str) else parts[0]
+    values = completion.words(*words) if words else None
+    return option(form, f"{text}.  [default: {default}]", values=values)
+
+
+def _flag_of(name: str) -> str:
+    return "--" + name.replace("_", "-")
+
+
+def _answers(
+    material: Annotated[str | None, _flag("material")] = None,
+    diameter: Annotated[str | None, _flag("diameter")] = None,
+    lengths: Annotated[str | None, _flag("lengths")] = None,
+    disks: Annotated[str | None, _flag("disks")] = None,
+    tendons: Annotated[str | None, _flag("tendons")] = None,
+    pitch_radius: Annotated[str | None, _flag("pitch_radius")] = None,
+    disk: Annotated[str | None, _flag("disk")] = None,
+    mount: Annotated[str | None, _flag("mount")] = None,
+) -> dict[str, str]:
+    return {name: text for name, text in locals().items() if text is not None}
 
 
 def new(
     file: Annotated[
         Path, typer.Argument(metavar="ROBOT.yaml", help="The robot file to write, a new one.")
     ],
-    material: Annotated[
-        str | None,
-        _flag(
-            "NAME[,E]",
-            "material",
-            "Material of the backbone, and its Young's modulus if known, as in "
-            '"glass-fibre,35 GPa": nitinol, steel, glass-fibre, peek, nylon.',
-        ),
-    ] = None,
-    diameter: Annotated[
-        str | None,
-        _flag(
-            "D[,D]", "diameter", 'Diameter of the backbone; of a tube and its bore: "2 mm,1 mm".'
-        ),
-    ] = None,
-    lengths: Annotated[
-        str | None, _flag("L,...", "lengths", 'Length of each segment, base to tip: "9 cm,6 cm".')
-    ] = None,
-    disks: Annotated[str | None, _flag("N", "disks", "Spacer disks of each segment.")] = None,
-    tendons: Annotated[
-        str | None, _flag("N", "tendons", "Tendons that end in each segment.")
-    ] = None,
-    pitch_radius: Annotated[
-        str | None,
-        _flag("R", "pitch_radius", "Distance of the tendons' holes from the backbone's axis."),
-    ] = None,
-    disk: Annotated[str | None, _flag("M,T", "disk", "Mass and thickness of a disk.")] = None,
-    mount: Annotated[
-        str | None,
-        _flag(
-            "down|up|side|none",
-            "mount",
-            "Where the unloaded robot points, for gravity; none is without gravity.",
-            values=completion.words("down", "up", "side", "none"),
-        ),
-    ] = None,
+    flags: Annotated[dict[str, str], Group("Robot", _answers)],
     source: Annotated[
         Path | None,
         option(
             "FILE",
-            "Convert the parameter file of another program instead: tdcr-modeling (.m, .cpp), "
-            "opencr-mujoco (.json), soromox (.py), SoRoSim (.m). Numbers are read, no code is run.",
+            "Convert the parameter file of another program: tdcr-modeling (.m, .cpp), "
+            "opencr-mujoco (.json), soromox (.py). Numbers are read, no code is run.",
             "--from",
         ),
     ] = None,
 ) -> None:
     """Write a robot file: asks eight questions on a terminal, else takes flags and defaults."""
     from bowstring.atomic_io import check_file, write_whole_file
-    from bowstring.robot.draft import drafted, plain_text
+    from bowstring.robot.draft import plain_text
     from bowstring.robot.foreign import convert
     from bowstring.robot.reader import name_of, robot_of_text
 
@@ -122,21 +168,16 @@ def new(
             )
         return check_file(file, _CONTENT, (".yaml", ".yml"), b"")
 
-    place, questions = check(), _questions()
-    given = (material, diameter, lengths, disks, tendons, pitch_radius, disk, mount)
-    if source is not None:
-        flags = [q.flag for q, text in zip(questions, given, strict=True) if text is not None]
-        if flags:
-            raise InputError(
-                f"{listed(flags)}: not with --from, which takes the whole robot from its file."
-            )
-        draft = convert(source)
-        draft.fields = {"name": plain_text(name_of(file)), **draft.fields}
+    place, name = check(), plain_text(name_of(file))
+    if source is None:
+        draft, robot = _asked(flags, name, printable(str(file)))
+    elif flags:
+        named = listed([_flag_of(each) for each in flags])
+        raise InputError(f"{named}: not with --from, which takes the whole robot from its file.")
     else:
-        answers, defaults = _answers(questions, given)
-        draft = drafted(name_of(file), **answers, defaults=defaults)
-    label = f"the draft of {file}" if source is None else printable(str(source))
-    robot = robot_of_text(draft.text, label)
+        draft = convert(source)
+        draft.fields = {"name": name, **draft.fields}
+        robot = robot_of_text(draft.text, printable(str(source)))
 
     def fill(path: Path) -> None:
         path.write_text(draft.text, "utf-8")
@@ -147,142 +188,126 @@ def new(
     write(_summary(robot, draft, file))
 
 
-def _answers(
-    questions: Sequence[_Question], given: Sequence[str | None]
-) -> tuple[dict[str, Any], set[str]]:
-    """Answers by argument, and the arguments that keep their default.
+def _asked(flags: Mapping[str, str], name: str, file: str) -> tuple[Draft, Robot]:
+    """Draft and robot of the flags, of answers on a terminal, and of defaults.
 
-    Flags come first; on a terminal the others are asked, and asked again after a bad answer.
+    Answers that do not fit together are asked again, with the former ones as defaults.
     """
-    ask = sys.stdin.isatty() and sys.stderr.isatty()
-    answers: dict[str, Any] = {}
-    defaults: set[str] = set()
-    for number, (question, flag) in enumerate(zip(questions, given, strict=True), 1):
-        if flag is not None:
-            try:
-                found = question.read(" ".join(flag.split()))
-            except ValueError as error:
-                raise InputError(f"{question.flag}: {error}.") from None
-        elif ask:
-            found, own = _asked(f"{number} of {len(questions)}  {question.text}", question)
-            defaults |= set() if own else found.keys()
-        else:
-            found = question.read(question.default)
-            defaults |= found.keys()
-        answers |= found
-    return answers, defaults
+    from bowstring.robot.reader import robot_of_text
 
-
-def _asked(prompt: str, question: _Question) -> tuple[dict[str, Any], bool]:
-    """Ask until the answer can be read; say whether it is one, not the default."""
+    answers = {each: question.read(question.default) for each, question in _QUESTIONS.items()}
+    for each, text in flags.items():
+        try:
+            answers[each] = _QUESTIONS[each].read(text)
+        except ValueError as error:
+            raise InputError(f"{_flag_of(each)}: {error}.") from None
+    ask = sys.stdin.isatty() and sys.stderr.isatty() and len(flags) < len(_QUESTIONS)
+    own = set(flags)
     while True:
-        print(f"{prompt} [{question.default}]: ", end="", file=sys.stderr, flush=True)
+        for number, (each, question) in enumerate(_QUESTIONS.items(), 1):
+            if ask and each not in flags:
+                prompt = f"{number} of {len(_QUESTIONS)}  {question.text} "
+                found = _answer(f"{prompt}[{','.join(answers[each])}]: ", question)
+                if found is not None:
+                    answers[each] = found
+                    own.add(each)
+        draft = _draft(name, answers, own)
+        try:
+            return draft, robot_of_text(draft.text, f"{file}, which was not written")
+        except InputError as error:
+            if not ask:
+                raise
+            print(f"  {error}\n  Answer again; Enter keeps an answer.", file=sys.stderr)
+
+
+def _answer(prompt: str, question: _Question) -> list[str] | None:
+    """Ask until the answer can be read; None for Enter."""
+    while True:
+        print(prompt, end="", file=sys.stderr, flush=True)
         line = sys.stdin.readline()
         if not line:  # Ctrl-D
             print(file=sys.stderr)
             raise Stopped("nothing was written.")
         try:
-            return question.read(line.strip() or question.default), bool(line.strip())
+            return question.read(line) if line.strip() else None
         except ValueError as error:
             print(f"  {printable(str(error))}.", file=sys.stderr)
 
 
-def _questions() -> list[_Question]:
-    from bowstring.robot.draft import MATERIALS, MOUNTS
-    from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Disks, Segment, TendonRing
+def _draft(name: str, answers: Mapping[str, list[str]], own: Collection[str]) -> Draft:
+    """Draft of the file of a robot with disks; `own` are the questions that somebody answered."""
+    from bowstring.robot.draft import Draft, Field
 
-    def material(text: str) -> dict[str, Any]:
-        name, comma, modulus = (part.strip() for part in text.partition(","))
-        if name not in MATERIALS:
-            raise ValueError(f"got {quote(name)}; must be one of {', '.join(MATERIALS)}")
-        if comma:
-            _read(Backbone, "E", modulus)
-        return {"material": name, "E": modulus}
+    def stated(question: str, comment: str, called: str = "", part: int = 0) -> Field:
+        text = answers[question][part]
+        if question in own:
+            return Field(text, comment)
+        return Field(text, f"{comment}; default, not yours", called or question.replace("_", " "))
 
-    def diameter(text: str) -> dict[str, Any]:
-        sizes = _split(text, 2, "the diameter, and that of the bore of a tube")
-        outer = _read(Backbone, "diameter", sizes[0])
-        if len(sizes) == 2 and not 0 < _read(Backbone, "inner_diameter", sizes[1]) < outer:
-            raise ValueError(f"got a bore of {sizes[1]}; must be smaller than {sizes[0]}")
-        return {"diameter": sizes}
-
-    def lengths(text: str) -> dict[str, Any]:
-        each = _split(text, MAX_SEGMENTS, "the length of each segment")
-        for length in each:
-            _read(Segment, "length", length)
-        return {"lengths": each}
-
-    def count(part: Any, argument: str) -> Callable[[str], dict[str, Any]]:
-        return lambda text: {argument: str(_read(part, "count", text))}
-
-    def pitch_radius(text: str) -> dict[str, Any]:
-        return {"pitch_radius": (text, _read(TendonRing, "pitch_radius", text))}
-
-    def disk(text: str) -> dict[str, Any]:
-        both = _split(text, 2, "mass and thickness")
-        if len(both) != 2:
-            raise ValueError("got one number; write mass and thickness, such as 2 g,3 mm")
-        _read(Disks, "mass", both[0])
-        _read(Disks, "thickness", both[1])
-        return {"disk": tuple(both)}
-
-    def mount(text: str) -> dict[str, Any]:
-        if text not in MOUNTS:
-            raise ValueError(f"got {quote(text)}; must be one of {', '.join(MOUNTS)}")
-        return {"mount": text}
-
-    known = ", ".join(MATERIALS)
-    return [
-        _Question(
-            "material",
-            f"Material of the backbone: {known}; with E if known, steel,190 GPa",
-            material,
+    material, *modulus = answers["material"]
+    young, nu, density = MATERIALS[material]
+    typical = f"typical of {material}"
+    backbone = {"diameter": stated("diameter", "outer diameter")}
+    if len(answers["diameter"]) > 1:
+        backbone["inner_diameter"] = Field(answers["diameter"][1], "bore of the tube")
+    backbone["E"] = Field(young, f"Young's modulus, {typical}: measure yours", "E")
+    if modulus:
+        backbone["E"] = Field(modulus[0], "Young's modulus")
+    backbone["nu"] = Field(nu, f"Poisson's ratio, {typical}", "nu")
+    backbone["density"] = Field(density, typical, "density")
+    pitch_radius = answers["pitch_radius"][0]
+    radius = number_with_unit(1.2 * _value("TendonRing.pitch_radius", pitch_radius), "m")
+    thickness = answers["disk"][1]
+    disks = {
+        "count": stated("disks", "evenly spaced, the last at the end"),
+        "mass": stated("disk", "each", "disk mass"),
+        "radius": Field(radius, "assumed: 1.2 pitch radii; for the inertia", "disk radius"),
+        "thickness": stated("disk", "for the inertia", "disk thickness", 1),
+        "clamped_length": Field(
+            thickness, "assumed: held over its thickness; 0 mm if loose", "clamped length"
         ),
-        _Question("diameter", "Its diameter; a tube: outer,inner", diameter),
-        _Question("lengths", "Length of each segment, base to tip", lengths),
-        _Question("disks", "Spacer disks of each segment", count(Disks, "disks")),
-        _Question("tendons", "Tendons of each segment", count(TendonRing, "tendons")),
-        _Question(
-            "pitch_radius", "Pitch radius: from the axis to the tendons' holes", pitch_radius
-        ),
-        _Question("disk", "Mass,thickness of a disk", disk),
-        _Question("mount", "Points down, up or to the side (gravity), or none", mount),
+    }
+    turn = 360.0 / int(answers["tendons"][0])
+    lengths = answers["lengths"]
+    segments = [
+        {
+            "length": stated("lengths", "straight backbone, base to end disk", part=k),
+            "backbone": backbone,
+            "disks": disks,
+            "tendons": {
+                "count": stated("tendons", f"{rounded(turn, 4)} degrees apart"),
+                "pitch_radius": stated("pitch_radius", "from the backbone's axis"),
+                "first_angle": Field(f"{rounded(turn * k / len(lengths), 12)} deg", "from x"),
+            },
+        }
+        for k in range(len(lengths))
     ]
-
-
-def _split(text: str, most: int, what: str) -> list[str]:
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) > most:
-        raise ValueError(f"got {len(parts)} numbers; write {what}")
-    return parts
-
-
-def _read(part: Any, name: str, text: str) -> Any:
-    """Value of a field of the robot file; ValueError says what is wrong with its text."""
-    mark = next(each for each in part.model_fields[name].metadata if hasattr(each, "read"))
-    return mark.read(text.strip())
+    gravity, direction = MOUNTS[answers["mount"][0]]
+    down = stated("mount", direction, "gravity")._replace(text=f"{gravity} m/s^2")
+    head = "A robot file of Bowstring. Measure what is assumed, and change it here."
+    return Draft({"name": name, "gravity": down, "segments": segments}, head=head)
 
 
 def _summary(robot: Robot, draft: Draft, file: Path) -> str:
     """What was written, what is assumed, and the next two commands."""
     import numpy as np
 
-    lines = [f"{printable(str(file))}: {robot._summary}"]
-    if draft.assumed:
-        lines += wrap(f"Assumed, and marked in the file: {', '.join(draft.assumed)}.", _WIDTH)
-    for note in draft.notes:
-        lines += wrap(note, _WIDTH)
-    called = shlex.quote(str(file))
-    stiffness, tendons = np.asarray(robot.bending_stiffness), len(robot.tendons.angle_rad)
-    if tendons:
-        from bowstring.inverse.kinematics import default_max_tension
+    from bowstring.inverse.kinematics import default_max_tension
 
+    sentences = list(draft.notes)
+    if draft.assumed:
+        sentences.insert(0, f"Assumed, and marked in the file: {', '.join(draft.assumed)}.")
+    called, tendons = shlex.quote(str(file)), len(robot.tendons.angle_rad)
+    if tendons:
         # 36 degrees of its segment by the linear law
         tension = rounded(0.2 * float(default_max_tension(robot)[0]), 1)
         load = f'--tension "{",".join([f"{tension} N", *["0"] * (tendons - 1)])}"'
-        after = f"bowstring {'modes' if robot.is_embedded else 'study'} {called}"
     else:
-        force = rounded(0.5 * float(stiffness.min()) / robot.length**2, 1)
-        load, after = f'--tip-force "{force} N,0,0"', f"bowstring modes {called}"
-    lines += ["Next:", f"  bowstring solve {called} {load}", f"  {after}"]
+        stiffness = float(np.min(robot.bending_stiffness))
+        load = f'--tip-force "{rounded(0.5 * stiffness / robot.length**2, 1)} N,0,0"'
+    after = "study" if tendons and not robot.is_embedded else "modes"
+    lines = [f"{printable(str(file))}: {robot._summary}"]
+    for sentence in sentences:
+        lines += wrap(sentence, 100)
+    lines += ["Next:", f"  bowstring solve {called} {load}", f"  bowstring {after} {called}"]
     return "\n".join(lines) + "\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any, Final
 
 import numpy as np
@@ -10,63 +11,70 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.robot.draft import Draft, Field, quantity, tendon, vector
-from bowstring.robot.foreign.values import Unreadable, Values, cpp, matlab, numbers
+from bowstring.robot.foreign.values import Values, cpp, matlab, numbers
 
 __all__ = ["draft_cpp", "draft_matlab"]
 
 Floats = NDArray[np.float64]
 
-_NOT_STATED: Final = {
-    "thickness": Field("0 mm", assumed="disk thickness"),
-    "clamped_length": Field("0 mm", assumed="clamped length"),
-}
-_CPP: Final = ("length", "youngs_modulus", "routing", "number_disks", "pradius_disks", "ro")
+_NO_DENSITY: Final = Field("0 kg/m^3", assumed="density")
+_NO_MASS: Final = Field("0 g", assumed="disk mass")
 
 
 def draft_matlab(text: str, label: str) -> Draft:
     """Draft a robot from assignments to n, L, p_tendon, E, nu, ro, ri, g, m_bb and m_disk."""
-    values = matlab(text)
-    lengths, disks = (_numbers(values, name, label) for name in ("L", "n"))
-    young, outer = (float(_numbers(values, name, label)[0]) for name in ("E", "ro"))
-    inner = float(_optional(values, "ri", 0.0)[0])
-    holes = _numbers(values, "p_tendon", label)
-    if holes.size % 4:
-        raise InputError(f"{label}: p_tendon: got {holes.size} numbers; must be columns of 4.")
-    backbone: dict[str, Any] = {
-        "diameter": quantity(2 * outer, "m"),
-        **({"inner_diameter": quantity(2 * inner, "m")} if inner else {}),
-        "E": quantity(young, "Pa"),
-    }
-    nu, shear = _optional(values, "nu"), _optional(values, "G")
-    if nu.size:
-        backbone["nu"] = quantity(nu[0], "")
-    elif shear.size:
-        backbone["G"] = quantity(shear[0], "Pa")
+    values = matlab(text, label)
+    given = {name: _row(values, name) for name in ("n", "L", "p_tendon", "E", "ro")}
+    missing = [n for n, row in given.items() if not row.size or (n in ("E", "ro") and row.size > 1)]
+    holes = np.atleast_1d(values.names.get("p_tendon", 0.0))
+    if missing or len(holes) != 4:
+        raise InputError(
+            f"{label}: cannot read {', '.join(missing) or 'p_tendon, which must have 4 rows'}; a "
+            "parameter file of tdcr-modeling assigns numbers to n, L, p_tendon, E and ro."
+        )
+    outer, inner = given["ro"][0], _row(values, "ri")[:1].sum()  # 0 without ri
+    backbone: dict[str, Any] = {"diameter": quantity(2 * outer, "m")}
+    if inner:
+        backbone["inner_diameter"] = quantity(2 * inner, "m")
+    backbone["E"] = quantity(given["E"][0], "Pa")
+    for name, si in (("nu", ""), ("G", "Pa")):
+        if _row(values, name).size:
+            backbone[name] = quantity(_row(values, name)[0], si)
+            break
     else:
         backbone["nu"] = Field("0.3", assumed="nu")
-    modules, masses = _optional(values, "l"), _masses(text, "m_bb")
-    volume = math.pi * (outer**2 - inner**2) * (modules[0] if modules.size else 0.0)
-    backbone["density"] = Field("0 kg/m^3", assumed="density")
-    if masses.size == modules.size and volume > 0:
-        density = quantity(masses[0] / volume, "kg/m^3")
-        backbone["density"] = Field(density, "from m_bb, its mass")
-    masses = _masses(text, "m_disk")
-    mass = Field(quantity(masses[0], "kg")) if masses.size else Field("0 g", assumed="disk mass")
-    gravity = _optional(values, "g")
+    # masses are written as weights, m*g, and g may be 0
+    one, two = (matlab(re.sub(r"\bg\s*=[^;\n]*", f"g={g}", text), label) for g in (1, 2))
+    masses = {
+        name: _row(one, name)
+        for name in ("m_bb", "m_disk")
+        if np.array_equal(_row(two, name), 2 * _row(one, name))
+    }
+    modules, rod = _row(values, "l"), masses.get("m_bb", np.array([]))
+    backbone["density"] = _NO_DENSITY
+    volumes = math.pi * (outer**2 - inner**2) * modules
+    if rod.size and rod.shape == volumes.shape and (volumes > 0).all():
+        density = rod / volumes
+        if density.any() and np.allclose(density, density[0]):
+            backbone["density"] = Field(quantity(density[0], "kg/m^3"), "from m_bb, its mass")
+    disk = masses.get("m_disk", np.array([]))
+    mass = Field(quantity(disk[0], "kg")) if disk.any() and np.ptp(disk) == 0 else _NO_MASS
+    gravity = _row(values, "g")
     down = Field("0 0 0 m/s^2", assumed="gravity")
     if gravity.size:
         down = Field(vector((0.0, 0.0, -gravity[0]), "m/s^2"), "its models have it along -z")
-    return _draft(label, lengths, disks, backbone, mass, holes.reshape(-1, 4)[:, :2], down)
+    return _draft(label, given["L"], given["n"], backbone, mass, holes.T, down)
 
 
 def draft_cpp(text: str, label: str) -> Draft:
     """Draft a robot from the arguments of setRobotParameters."""
-    for call in reversed(cpp(text).calls):
+    for call in reversed(cpp(text, label).calls):
         try:
-            given = dict(zip(_CPP, map(numbers, call.arguments[:6]), strict=True))
-        except (Unreadable, ValueError):
+            length, young, routing, disks, _, ro = map(numbers, call.arguments[:6])
+            young, ro = young.reshape(()), ro.reshape(())
+        except ValueError:
             continue
-        if call.name == "setRobotParameters" and given["routing"].ndim == 2:
+        if call.name == "setRobotParameters" and routing.ndim == 2 and routing.shape[1] == 3:
             break
     else:
         raise InputError(
@@ -74,15 +82,13 @@ def draft_cpp(text: str, label: str) -> Draft:
             "number_disks, pradius_disks, ro, ...) with numbers that stand in the file."
         )
     backbone = {
-        "diameter": quantity(2 * float(given["ro"]), "m"),
-        "E": quantity(float(given["youngs_modulus"]), "Pa"),
+        "diameter": quantity(2 * float(ro), "m"),
+        "E": quantity(float(young), "Pa"),
         "nu": Field("0.3", "as in its models"),
-        "density": Field("0 kg/m^3", assumed="density"),
+        "density": _NO_DENSITY,
     }
-    lengths, disks = (np.atleast_1d(given[name]) for name in ("length", "number_disks"))
-    mass = Field("0 g", assumed="disk mass")
     weightless = Field("0 0 0 m/s^2", "its models have none")
-    return _draft(label, lengths, disks, backbone, mass, given["routing"][:, :2], weightless)
+    return _draft(label, length.ravel(), disks.ravel(), backbone, _NO_MASS, routing, weightless)
 
 
 def _draft(
@@ -94,54 +100,36 @@ def _draft(
     holes: Floats,
     gravity: Field,
 ) -> Draft:
-    segments = []
-    if len(disks) != len(lengths) or not len(lengths) or len(holes) % len(lengths):
+    if not len(disks) == len(lengths) > 0 or len(holes) % len(lengths):
         raise InputError(
             f"{label}: got lengths of {len(lengths)} segments, disks of {len(disks)} and "
             f"{len(holes)} tendons; must be the same number of tendons for each segment."
         )
-    each = len(holes) // len(lengths)
-    radii = np.hypot(*holes.T)
-    radius = Field(
-        quantity(1.2 * radii.max(initial=1e-3), "m"), "assumed: 1.2 pitch radii", "disk radius"
-    )
-    for k, (length, count) in enumerate(zip(lengths, disks, strict=True)):
-        own = range(k * each, (k + 1) * each)
-        segments.append(
-            {
-                "length": quantity(length, "m"),
-                "backbone": dict(backbone),
-                "disks": {
-                    "count": quantity(count, ""),
-                    "mass": mass,
-                    "radius": radius,
-                    **_NOT_STATED,
-                },
-                "tendons": [tendon(math.atan2(*holes[i, ::-1]), radii[i]) for i in own],
-            }
-        )
+    rows = holes.reshape(len(lengths), -1, holes.shape[1])
+    widest = float(np.hypot(holes[:, 0], holes[:, 1]).max(initial=1e-3))
+    segments = [
+        {
+            "length": quantity(length, "m"),
+            "backbone": backbone,
+            "disks": {
+                "count": quantity(count, ""),
+                "mass": mass,
+                "radius": Field(
+                    quantity(1.2 * widest, "m"), "assumed: 1.2 pitch radii", "disk radius"
+                ),
+                "thickness": Field("0 mm", assumed="disk thickness"),
+                "clamped_length": Field("0 mm", assumed="clamped length"),
+            },
+            "tendons": [tendon(x, y) for x, y, *_ in own],
+        }
+        for length, count, own in zip(lengths, disks, rows, strict=True)
+    ]
     return Draft({"gravity": gravity, "segments": segments})
 
 
-def _optional(values: Values, name: str, default: float | None = None) -> Floats:
-    """Numbers of a name as a row, or the default, or none."""
+def _row(values: Values, name: str) -> Floats:
+    """Numbers of a name; none if it has no numbers."""
     try:
-        return numbers(values.names[name]).ravel()
-    except (KeyError, Unreadable):
-        return np.array([] if default is None else [default])
-
-
-def _masses(text: str, name: str) -> Floats:
-    """Masses of weights that are written as masses times g, which may be 0; none without g."""
-    one, two = (_optional(matlab(text, g=g), name) for g in (1.0, 2.0))
-    return one if one.size and np.array_equal(two, 2.0 * one) and one.any() else np.array([])
-
-
-def _numbers(values: Values, name: str, label: str) -> Floats:
-    found = _optional(values, name)
-    if not found.size:
-        raise InputError(
-            f"{label}: no numbers for {name}; a parameter file of tdcr-modeling assigns n, L, "
-            "p_tendon, E and ro, and one of SoRoSim the properties of a SorosimLink."
-        )
-    return found
+        return numbers(values.names.get(name)).ravel()
+    except ValueError:
+        return np.array([])
