@@ -215,7 +215,7 @@ def test_every_command_can_be_quiet(shell: Shell) -> None:
     for listed in shell("--help")[1].partition("Commands:\n")[2].splitlines():
         if (name := listed.split()[0]) not in ("bench", "data") and listed[2] != " ":
             commands.append([name])
-    assert len(commands) == 24
+    assert len(commands) == 25
     for command in commands:
         assert "-q, --quiet" in shell(*command, "--help")[1], command
 

@@ -174,8 +174,8 @@ def _limit(text: str, si: str) -> float:
     return _parse_quantities(text, si)[0]
 
 
-def number_with_unit(value: float, si: str) -> str:
-    """Write an SI number in the usual unit of its quantity."""
+def number_with_unit(value: float, si: str, digits: int = 4) -> str:
+    """Write an SI number in the usual unit of its quantity, to some significant digits."""
     unit, factor = si, 1.0
     if si == "m":
         unit, factor = ("m", 1.0) if abs(value) >= 10 else ("mm", 1e-3)
@@ -184,7 +184,7 @@ def number_with_unit(value: float, si: str) -> str:
     elif si == "Pa":
         units = (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3), ("Pa", 1.0))
         unit, factor = next((u for u in units if abs(value) >= u[1]), units[-1])
-    return f"{rounded(value / factor, 4)} {unit}"
+    return f"{rounded(value / factor, digits)} {unit}".rstrip()
 
 
 _BY_SIZE: Final = {"Pa": ("GPa", "MPa", "kPa", "Pa"), "N": ("kN", "N", "mN")}
@@ -220,7 +220,7 @@ def has_no_unit(text: str) -> bool:
 
 def rounded(value: float, digits: int = 2) -> str:
     """Round to `digits` significant digits; no exponent up to a million."""
-    return f"{float(f'{value:.{digits}g}'):g}"
+    return f"{float(f'{value:.{digits}g}'):.{max(digits, 6)}g}"
 
 
 def printable(text: str) -> str:

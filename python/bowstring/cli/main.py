@@ -29,6 +29,7 @@ STOPPED: Final = 130  # as a shell reports Ctrl-C
 BUG: Final = 70  # EX_SOFTWARE
 #: Module and function of each command.
 _COMMANDS: Final = {
+    "new": "new.new",
     "robots": "statics.robots",
     "schema": "statics.schema",
     "fk": "statics.fk",

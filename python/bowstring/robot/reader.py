@@ -16,7 +16,7 @@ from bowstring.robot.safe_yaml import read_yaml, reading, text_of
 from bowstring.units import printable, quote
 from bowstring.validation import shown
 
-__all__ = ["load_robot", "robot_names", "robot_schema"]
+__all__ = ["load_robot", "name_of", "robot_names", "robot_of_text", "robot_schema"]
 
 _BUILT_IN: Final = Path(__file__).with_name("builtin")
 
@@ -87,12 +87,22 @@ def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -
     if len(label) > 200 or not label.isprintable():
         label = f"Robot file {quote(label)}"
     tree = read_yaml(_read_text(path, label, names), label)
-    tree.setdefault("name", printable(path.stem)[:100].strip() or "robot")
+    tree.setdefault("name", name_of(path))
 
     def make(changes: Mapping[str, Any]) -> Robot:
         return build(Robot, override(deepcopy(tree), changes), label)
 
     return build_changed(make, overrides or {})
+
+
+def name_of(path: Path) -> str:
+    """Name of a robot whose file has none."""
+    return printable(path.stem)[:100].strip() or "robot"
+
+
+def robot_of_text(text: str, label: str) -> Robot:
+    """Robot of the text of a robot file; `label` begins the message of an error."""
+    return build(Robot, read_yaml(text, label), label)
 
 
 def _near_files(path: Path) -> list[str]:
