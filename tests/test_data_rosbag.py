@@ -285,24 +285,34 @@ def test_bags_that_are_not_read(
     refused(r"ROS bags need mcap.reader.*pip install 'bowstring\[rosbag\]'", None)
 
 
+def defined(path: Path, definition: str) -> Path:
+    """Write a bag of ROS 1 with a message by this definition."""
+    with path.open("wb") as file:
+        made = writer.Writer(file)
+        made.start()
+        schema = made.register_schema("a/B", "ros1msg", definition.encode())
+        channel = made.register_channel("/b", "ros1", schema)
+        made.add_message(channel, 0, bytes(8), 0)
+        made.finish()
+    return path
+
+
 def test_a_definition_of_ros_1_runs_no_code(tmp_path: Path) -> None:
     """Its library makes a module of the definition, with comments and constants as they stand."""
     path, mark = tmp_path / "run.mcap", tmp_path / "mark"
     code = f"open({str(mark)!r}, 'w').close()"
-
-    def bag(definition: str) -> None:
-        with path.open("wb") as file:
-            made = writer.Writer(file)
-            made.start()
-            schema = made.register_schema("a/B", "ros1msg", definition.encode())
-            channel = made.register_channel("/b", "ros1", schema)
-            made.add_message(channel, 0, bytes(8), 0)
-            made.finish()
-
-    bag(f'float64 x # """\n# \n#"""\nstring S="""\nstring T=\'\'\' + {code}\n')
+    defined(path, f'float64 x # """\n# \n#"""\nstring S="""\nstring T=\'\'\' + {code}\n')
     with pytest.raises(InputError, match="mapping"):
         read_measurements(path)
-    bag(f"float64 x\n{code} y\n")
-    with pytest.raises(InputError, match="in the definition of a message is no field"):
+    defined(path, f"float64 x\n{code} y\n")
+    with pytest.raises(InputError, match=r"run.mcap: .* in the definition of \"a/B\" is no field"):
         read_measurements(path)
     assert not mark.exists()
+
+
+def test_arrays_of_a_definition_of_ros_1_do_not_fill_the_memory(tmp_path: Path) -> None:
+    """Its library makes all entries of a message before it reads any."""
+    nested = [f"{'=' * 80}\nMSG: a/C{i}\na/C{i + 1}[10] x\n" for i in range(12)]
+    for definition in ("float64[3000000000] x\n", "".join(["a/C0 x\n", *nested])):
+        with pytest.raises(InputError, match=r'"a/B" has arrays with more than 100000 entries'):
+            read_measurements(defined(tmp_path / "large.mcap", definition))
