@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import bowstring as bs
 from bowstring.data.measurements import Measurements, read_measurements
+from bowstring.data.rosbag import read_topic
 from bowstring.errors import InputError
 
 writer = pytest.importorskip("mcap.writer", reason="needs the extra rosbag")
@@ -238,6 +239,15 @@ keep: {column: /bench.ready, value: 1}
     assert '"/bench.points_base.x"' in str(refused.value) and "note" not in str(refused.value)
 
 
+def test_stamps_before_zero(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with json_bag(path) as write:
+        for seconds, parts in ((1, 0), (-1, 250_000_000), (-5, 500_000_000)):
+            write("/a", 0, {"header": {"stamp": {"sec": seconds, "nanosec": parts}}, "x": 0})
+    columns, _ = read_topic(path, path.read_bytes(), "/a")
+    assert columns["time"] == ["-4.500000000", "-0.750000000", "1.000000000"]
+
+
 def _with(folder: Path, text: str, old: str, new: str) -> Path:
     path = folder / "other.yaml"
     path.write_text(text.replace(old, new))
@@ -278,6 +288,10 @@ def test_bags_that_are_not_read(
     with json_bag(path) as write:
         write("/a", 0, {"text": "b"})
     refused("no topic has numbers that can be read", None)
+    with json_bag(path) as write:
+        for k in range(3):
+            write("/a", k, {f"{k}_{i}": 0 for i in range(4000)})
+    refused('the messages of "/a" have more than 10000 different numbers', None)
     path.write_bytes(b"#ROSBAG V2.0\n" + bytes(9))
     refused("a bag in the format ROS 1; bags are read as .mcap", None)
     monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)

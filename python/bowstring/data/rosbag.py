@@ -24,6 +24,7 @@ _OTHERS: Final = {b"#ROSBAG": "ROS 1", b"SQLite format 3\0": "SQLite (.db3)"}
 _MOST_BYTES: Final = 1_000_000_000  # of all chunks, unpacked
 _MOST_FIXED: Final = 100_000  # entries of a message whose number its definition of ROS 1 fixes
 _LONGEST: Final = 200  # entries of an array, more are those of an image or a scan
+_MOST_COLUMNS: Final = 10_000
 _NAME: Final = r"[A-Za-z]\w*"
 #: Lines of a definition of ROS 1 that say what a message holds.
 _FIELD: Final = re.compile(
@@ -88,11 +89,17 @@ def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]
         If the file cannot be read, or the topic has no numbers.
     """
     rows: list[tuple[int, int | None, Row]] = []
+    names: dict[str, None] = {}
     with _readable(path):
         for _, logged, decoded in _messages(path, data, topic):
-            row = dict(_numbers(decoded, topic))
+            row = dict(islice(_numbers(decoded, topic), _MOST_COLUMNS + 1))
             rows.append((logged, _stamp(decoded), row))
-    names = dict.fromkeys(name for *_, row in rows for name in row)
+            names |= dict.fromkeys(row)
+            if len(names) > _MOST_COLUMNS:
+                raise InputError(
+                    f"{path}: the messages of {quote(topic)} have more than {_MOST_COLUMNS} "
+                    "different numbers; a table has one column for each, name another topic"
+                )
     if not names:
         raise InputError(
             f"{path}: there are no numbers of a topic {quote(topic)}; topics with numbers: "
@@ -256,7 +263,8 @@ def _stamp(message: Any) -> int | None:
 
 
 def _seconds(nanoseconds: int) -> str:
-    return f"{nanoseconds // 10**9}.{nanoseconds % 10**9:09d}"
+    seconds, rest = divmod(abs(nanoseconds), 10**9)
+    return f"{'-' * (nanoseconds < 0)}{seconds}.{rest:09d}"
 
 
 def in_words(names: Sequence[str]) -> str:
