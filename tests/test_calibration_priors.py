@@ -163,6 +163,25 @@ def test_intervals_hold_the_truth_with_any_errors_of_a_row(from_commands):
     assert ((held > 0.92 * trials) & (held < 0.99 * trials)).all()
 
 
+@pytest.mark.parametrize("parameters", [2, 5])
+def test_the_covariance_is_that_of_fits_without_each_row(parameters):
+    """Also with more parameters than coordinates of a row."""
+    rng, rows = np.random.default_rng(6), 30
+    jacobian, values = rng.normal(size=(rows, 3, parameters)), rng.normal(size=(rows, 3))
+
+    def estimate(kept):
+        given = jacobian[kept].reshape(-1, parameters)
+        return np.linalg.lstsq(given, values[kept].ravel(), rcond=None)[0]
+
+    whole = estimate(slice(None))
+    left = (values - jacobian @ whole).ravel()
+    changes = np.array([estimate(np.arange(rows) != row) - whole for row in range(rows)])
+    none = np.empty((0, parameters))
+    by = left, np.ones_like(left)
+    found = Uncertainty.of(by, jacobian.reshape(-1, parameters), none, 0.0, dependence(rows))
+    np.testing.assert_allclose(found.covariance, changes.T @ changes, rtol=1e-9, atol=1e-12)
+
+
 def test_a_row_that_determines_a_direction_alone_has_the_noise_of_the_others():
     rng, none = np.random.default_rng(5), np.empty((0, 2))
     jacobian = rng.normal(size=(30, 3, 2))

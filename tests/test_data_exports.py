@@ -397,6 +397,9 @@ def _saved_7_3(path: Path, variables: dict[str, object]) -> Path:
         table.attrs["MATLAB_object_decode"] = np.int32(3)
         file.create_group("#refs#")
         file["elsewhere"] = h5py.ExternalLink("/etc/hostname", "/")
+        parts = h5py.VirtualLayout((5, 1), "f8")
+        parts[:] = h5py.VirtualSource("/etc/hostname", "x", (5, 1))
+        file.create_virtual_dataset("virtual", parts).attrs["MATLAB_class"] = np.bytes_("double")
     with path.open("r+b") as raw:
         raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
     return path

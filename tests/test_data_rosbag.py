@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import bowstring as bs
 from bowstring.data.measurements import Measurements, read_measurements
+from bowstring.data.rosbag import read_topic
 from bowstring.errors import InputError
 
 writer = pytest.importorskip("mcap.writer", reason="needs the extra rosbag")
@@ -238,6 +239,15 @@ keep: {column: /bench.ready, value: 1}
     assert '"/bench.points_base.x"' in str(refused.value) and "note" not in str(refused.value)
 
 
+def test_stamps_before_zero(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with json_bag(path) as write:
+        for seconds, parts in ((1, 0), (-1, 250_000_000), (-5, 500_000_000)):
+            write("/a", 0, {"header": {"stamp": {"sec": seconds, "nanosec": parts}}, "x": 0})
+    columns, _ = read_topic(path, path.read_bytes(), "/a")
+    assert columns["time"] == ["-4.500000000", "-0.750000000", "1.000000000"]
+
+
 def _with(folder: Path, text: str, old: str, new: str) -> Path:
     path = folder / "other.yaml"
     path.write_text(text.replace(old, new))
@@ -278,6 +288,10 @@ def test_bags_that_are_not_read(
     with json_bag(path) as write:
         write("/a", 0, {"text": "b"})
     refused("no topic has numbers that can be read", None)
+    with json_bag(path) as write:
+        for k in range(3):
+            write("/a", k, {f"{k}_{i}": 0 for i in range(4000)})
+    refused('the messages of "/a" have more than 10000 different numbers', None)
     path.write_bytes(b"#ROSBAG V2.0\n" + bytes(9))
     refused("a bag in the format ROS 1; bags are read as .mcap", None)
     monkeypatch.setitem(__import__("sys").modules, "mcap.reader", None)
@@ -285,24 +299,34 @@ def test_bags_that_are_not_read(
     refused(r"ROS bags need mcap.reader.*pip install 'bowstring\[rosbag\]'", None)
 
 
+def defined(path: Path, definition: str) -> Path:
+    """Write a bag of ROS 1 with a message by this definition."""
+    with path.open("wb") as file:
+        made = writer.Writer(file)
+        made.start()
+        schema = made.register_schema("a/B", "ros1msg", definition.encode())
+        channel = made.register_channel("/b", "ros1", schema)
+        made.add_message(channel, 0, bytes(8), 0)
+        made.finish()
+    return path
+
+
 def test_a_definition_of_ros_1_runs_no_code(tmp_path: Path) -> None:
     """Its library makes a module of the definition, with comments and constants as they stand."""
     path, mark = tmp_path / "run.mcap", tmp_path / "mark"
     code = f"open({str(mark)!r}, 'w').close()"
-
-    def bag(definition: str) -> None:
-        with path.open("wb") as file:
-            made = writer.Writer(file)
-            made.start()
-            schema = made.register_schema("a/B", "ros1msg", definition.encode())
-            channel = made.register_channel("/b", "ros1", schema)
-            made.add_message(channel, 0, bytes(8), 0)
-            made.finish()
-
-    bag(f'float64 x # """\n# \n#"""\nstring S="""\nstring T=\'\'\' + {code}\n')
+    defined(path, f'float64 x # """\n# \n#"""\nstring S="""\nstring T=\'\'\' + {code}\n')
     with pytest.raises(InputError, match="mapping"):
         read_measurements(path)
-    bag(f"float64 x\n{code} y\n")
-    with pytest.raises(InputError, match="in the definition of a message is no field"):
+    defined(path, f"float64 x\n{code} y\n")
+    with pytest.raises(InputError, match=r"run.mcap: .* in the definition of \"a/B\" is no field"):
         read_measurements(path)
     assert not mark.exists()
+
+
+def test_arrays_of_a_definition_of_ros_1_do_not_fill_the_memory(tmp_path: Path) -> None:
+    """Its library makes all entries of a message before it reads any."""
+    nested = [f"{'=' * 80}\nMSG: a/C{i}\na/C{i + 1}[10] x\n" for i in range(12)]
+    for definition in ("float64[3000000000] x\n", "".join(["a/C0 x\n", *nested])):
+        with pytest.raises(InputError, match=r'"a/B" has arrays with more than 100000 entries'):
+            read_measurements(defined(tmp_path / "large.mcap", definition))

@@ -37,7 +37,7 @@ def test_error_of_the_nominal_and_the_calibrated_arc() -> None:
     names = [e.name for each in found.calibrations for e in each.estimates]
     assert names.count("base.rz") == 2 and {"gain", "bend_gain"} <= set(names)
     assert "do not judge the tolerance of 1 %" in found.text[0]
-    assert "beyond the tolerance" in found.text[1] and "within the tolerance" in found.text[2]
+    assert "If both were arcs" in found.text[1] and "tolerance" not in " ".join(found.text[1:])
 
 
 def test_error_of_the_tip_of_an_arc() -> None:
@@ -109,7 +109,7 @@ def test_two_segments_have_no_arc_but_a_gain_each() -> None:
     assert all(np.isnan(c.mean_apart) for c in found.comparisons)
     text = " ".join(found.text)
     assert "bend gain of segment 1" in text and "bend gain of segment 2" in text
-    assert "On an arc" not in text and "One degree" not in text
+    assert "If both were arcs" not in text and "One degree" not in text
     assert found.to_dict()["comparisons"][0]["arc_tip_mean_mm"] is None
 
 
@@ -143,3 +143,10 @@ def test_the_command(shell: Shell, tmp_path: Path) -> None:
     assert len(rows) == 61 and "cc_from_lengths_as_measured_error_deg" in rows[0]
     code, _, refused = shell(*asked, "--compare")
     assert code == 2 and "angles has angles only" in refused
+
+
+def test_angles_in_another_unit_are_noticed() -> None:
+    data = made(1)
+    assert data.bend is not None
+    (doubt,) = judge_angles(ROBOT, replace(data, bend=np.radians(data.bend)), 0.01).doubts
+    assert "The tip turns" in doubt and "check the unit of the angles and of the disp" in doubt

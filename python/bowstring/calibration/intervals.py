@@ -225,19 +225,17 @@ class _Clusters:
         Row of each point, and its place in it.
     derivatives : ndarray (N, C, p)
         Derivatives of the coordinates, zero where not measured.
-    whole : ndarray (N, C, C)
-        Errors by a fit without the row over those by the fit.
-    inverse : ndarray (p, p)
-        Inverse of the Hessian.
-    weight : ndarray (C,)
-        Mean second derivative of the loss for each coordinate.
+    scaled : ndarray (N, C, p)
+        Derivatives by directions in which the Hessian is the identity, times the roots of the mean
+        second derivatives of the loss.
+    left : ndarray (N, p, p)
+        Inverse of the Hessian without the row, in these directions.
     """
 
     place: tuple[NDArray[np.int64], NDArray[np.int64]]
     derivatives: Floats
-    whole: Floats
-    inverse: Floats
-    weight: Floats
+    scaled: Floats
+    left: Floats
 
     @classmethod
     def of(
@@ -249,18 +247,25 @@ class _Clusters:
         derivatives[place] = of_axis
         derivatives = derivatives.reshape(len(derivatives), mean.size, -1)
         weight = np.maximum(mean.ravel(), 0.0)  # rounding, where Huber's loss is linear in all rows
-        scaled = np.sqrt(weight)[:, None] * derivatives
-        left = np.eye(mean.size) - scaled @ inverse @ np.swapaxes(scaled, 1, 2)
+        scaled = np.sqrt(weight)[:, None] * derivatives @ np.linalg.cholesky(inverse)
+        left = np.eye(len(inverse)) - np.swapaxes(scaled, 1, 2) @ scaled
         if np.linalg.eigvalsh(left).min(initial=1.0) < _ALONE:
             return None
-        return cls(place, derivatives, np.linalg.inv(left), inverse, weight)
+        return cls(place, derivatives, scaled, np.linalg.inv(left))
+
+    def without_row(self, errors: Floats) -> Floats:
+        """Errors (N, C, E) by fits without the row, from those by the fit (Woodbury's identity)."""
+        return np.asarray(
+            errors + self.scaled @ (self.left @ (np.swapaxes(self.scaled, 1, 2) @ errors))
+        )
 
     def scatter(self, force: Floats) -> Floats:
         """Covariance (p, p) of the gradient."""
-        table = np.zeros((len(self.whole), len(self.weight) // force.shape[1], force.shape[1]))
+        rows, coordinates, _ = self.derivatives.shape
+        table = np.zeros((rows, coordinates // force.shape[1], force.shape[1]))
         table[self.place] = force
-        errors = (self.whole @ table.reshape(len(table), -1, 1))[..., 0]
-        of_row = np.einsum("kcp,kc->kp", self.derivatives, errors)
+        errors = self.without_row(table.reshape(rows, coordinates, 1))
+        of_row = (np.swapaxes(self.derivatives, 1, 2) @ errors)[..., 0]
         return np.asarray(of_row.T @ of_row)
 
     def freedom(self, back: Floats) -> Floats:
@@ -269,9 +274,7 @@ class _Clusters:
         By Bell and McCaffrey (Survey Methodology 28, 2002). `back` (P, p) times the gradient is the
         error of the parameters.
         """
-        half = np.linalg.cholesky(self.inverse)
-        scaled = np.sqrt(self.weight)[:, None] * self.derivatives @ half
-        all_own = self.whole @ (self.derivatives @ back.T)
+        scaled, all_own = self.scaled, self.without_row(self.derivatives @ back.T)
         freedom = np.ones(len(back))
         for i in range(len(back)):
             own = all_own[..., i]

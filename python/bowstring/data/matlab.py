@@ -119,7 +119,7 @@ def _version_7_3(path: Path, data: bytes) -> dict[str, Any]:
         nonlocal size
         out: dict[str, Any] = {}
         for name in group:
-            # others lead to other files
+            # others lead to other files, as external and virtual data sets do
             if not isinstance(group.get(name, getlink=True), h5py.HardLink) or name[0] == "#":
                 continue
             item = group[name]
@@ -128,7 +128,9 @@ def _version_7_3(path: Path, data: bytes) -> dict[str, Any]:
             if isinstance(item, h5py.Group):
                 if kind == "struct":
                     out[name] = tree(item)
-            elif kind in _NUMBERS and not ("MATLAB_empty" in item.attrs or item.external):
+            elif kind in _NUMBERS and "MATLAB_empty" not in item.attrs:
+                if item.external or item.is_virtual or item.dtype.kind not in "biuf":
+                    continue
                 size += item.size * item.dtype.itemsize
                 _refuse_above(path, size)
                 out[name] = np.squeeze(item[()].T)

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
@@ -21,7 +22,9 @@ __all__ = ["in_words", "is_bag", "other_bag", "read_topic", "topics"]
 _MAGIC: Final = b"\x89MCAP"
 _OTHERS: Final = {b"#ROSBAG": "ROS 1", b"SQLite format 3\0": "SQLite (.db3)"}
 _MOST_BYTES: Final = 1_000_000_000  # of all chunks, unpacked
+_MOST_FIXED: Final = 100_000  # entries of a message whose number its definition of ROS 1 fixes
 _LONGEST: Final = 200  # entries of an array, more are those of an image or a scan
+_MOST_COLUMNS: Final = 10_000
 _NAME: Final = r"[A-Za-z]\w*"
 #: Lines of a definition of ROS 1 that say what a message holds.
 _FIELD: Final = re.compile(
@@ -86,11 +89,17 @@ def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]
         If the file cannot be read, or the topic has no numbers.
     """
     rows: list[tuple[int, int | None, Row]] = []
+    names: dict[str, None] = {}
     with _readable(path):
         for _, logged, decoded in _messages(path, data, topic):
-            row = dict(_numbers(decoded, topic))
+            row = dict(islice(_numbers(decoded, topic), _MOST_COLUMNS + 1))
             rows.append((logged, _stamp(decoded), row))
-    names = dict.fromkeys(name for *_, row in rows for name in row)
+            names |= dict.fromkeys(row)
+            if len(names) > _MOST_COLUMNS:
+                raise InputError(
+                    f"{path}: the messages of {quote(topic)} have more than {_MOST_COLUMNS} "
+                    "different numbers; a table has one column for each, name another topic"
+                )
     if not names:
         raise InputError(
             f"{path}: there are no numbers of a topic {quote(topic)}; topics with numbers: "
@@ -142,34 +151,68 @@ def _messages(path: Path, data: bytes, topic: str | None) -> Iterator[tuple[str,
     for each in asked:
         found = reader.iter_messages(topics=[each])
         for schema, channel, message in islice(found, None if topic else 1):
-            decode = _decoder(decoders, channel.message_encoding, schema)
+            decode = _decoder(path, decoders, channel.message_encoding, schema)
             if decode is not None:
                 yield each, message.log_time, decode(message.data)
 
 
-def _decoder(decoders: Sequence[Any], encoding: str, schema: Any) -> Callable[[bytes], Any] | None:
+def _decoder(
+    path: Path, decoders: Sequence[Any], encoding: str, schema: Any
+) -> Callable[[bytes], Any] | None:
     """Decoder of messages; None for an encoding that is not read, such as Protobuf."""
     if encoding == "json":
         return json.loads
     if getattr(schema, "encoding", None) == "ros1msg":
-        schema = replace(schema, data=_fields_alone(schema).encode())
+        schema = replace(schema, data=_fields_alone(path, schema).encode())
     return next(filter(None, (each.decoder_for(encoding, schema) for each in decoders)), None)
 
 
-def _fields_alone(schema: Any) -> str:
+def _fields_alone(path: Path, schema: Any) -> str:
     """Definition of ROS 1 without comments and constants: its library runs code made of it.
 
     Raises
     ------
     InputError
-        If other lines than fields remain.
+        If other lines than fields remain, or arrays of fixed length are too long.
     """
     lines = (" ".join(line.split("#")[0].split()) for line in schema.data.decode().splitlines())
     fields = [line for line in lines if line.strip("=").count("=") == 0 and line]
     for line in [f"MSG: {schema.name}", *fields]:
         if not _FIELD.fullmatch(line):
-            raise InputError(f"{quote(line[:60])} in the definition of a message is no field")
+            raise InputError(
+                f"{path}: this bag cannot be read: {quote(line[:60])} in the definition of "
+                f"{quote(schema.name[:60])} is no field"
+            )
+    if _fixed_entries(schema.name, fields) > _MOST_FIXED:  # made even for a message without data
+        raise InputError(
+            f"{path}: this bag cannot be read: by its definition {quote(schema.name[:60])} has "
+            f"arrays with more than {_MOST_FIXED} entries in all"
+        )
     return "\n".join(fields)
+
+
+def _fixed_entries(name: str, fields: Sequence[str]) -> int:
+    """Number of entries of a message of ROS 1, arrays of any length being empty."""
+    kinds: dict[str, list[str]] = {}
+    message = name
+    for line in fields:
+        kind, *field = line.split()
+        if kind == "MSG:":
+            message = field[0]
+        elif field:
+            kinds.setdefault(message, []).append(kind)
+
+    @cache
+    def entries(message: str) -> int:
+        count = 1
+        for each in kinds.get(message, ()):
+            kind, _, length = each.partition("[")
+            times = int(length.rstrip("]") or 0) if length else 1
+            package = message.partition("/")[0]
+            count += times * entries(kind if "/" in kind else f"{package}/{kind}")
+        return count
+
+    return entries(name)
 
 
 def _fields(value: Any) -> Mapping[str, Any]:
@@ -220,7 +263,8 @@ def _stamp(message: Any) -> int | None:
 
 
 def _seconds(nanoseconds: int) -> str:
-    return f"{nanoseconds // 10**9}.{nanoseconds % 10**9:09d}"
+    seconds, rest = divmod(abs(nanoseconds), 10**9)
+    return f"{'-' * (nanoseconds < 0)}{seconds}.{rest:09d}"
 
 
 def in_words(names: Sequence[str]) -> str:

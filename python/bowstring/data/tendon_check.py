@@ -607,14 +607,15 @@ def _doubted_size(motion: _Motion) -> str:
     else:
         what, rest = "tensions or masses", "E and gravity"
         shown = f"{significant(float(np.abs(m.tensions).max()))} N"
+    moves, columns = ("move", "tip's columns") if motion.with_tip else ("turn", "angles")
     if moved < 1e-6:
-        how = "does not move, though"
+        how = f"does not {moves}, though"
     else:
         more = "more" if moved > 1 else "less"
-        how = f"moves {significant(max(moved, 1 / moved), 2)} times {more} than"
+        how = f"{moves}s {significant(max(moved, 1 / moved), 2)} times {more} than"
     return (
         f"The tip {how} {robot.name} would by these {what} (up to {shown}): check the unit of the "
-        f"tip's columns and of the {what}, and {rest} of the robot file."
+        f"{columns} and of the {what}, and {rest} of the robot file."
     )
 
 

@@ -371,13 +371,13 @@ def _in_words(found: AgainstAngles, robot: Robot, tolerance: float) -> tuple[str
             f"{_degrees(c.score.largest)} deg"
         )
         if c.frame == "calibrated" and name != "cc_calibrated":
-            sentence += f"; as measured a mean of {_mean(found.comparison(name, 'as_measured'))}"
+            plain = _mean(found.comparison(name, "as_measured"))
+            sentence += f"; {plain} in the mean if the sensor's frame is not turned as fitted"
         if math.isfinite(c.mean_apart):
             share = c.mean_apart / c.length
-            side = "beyond" if share > tolerance else "within"
             sentence += (
-                f". On an arc that is a tip error of {in_mm(c.mean_apart)}, {in_percent(share)} of "
-                f"length, {side} the tolerance"
+                f". If both were arcs, that would be a mean tip error of {in_mm(c.mean_apart)}, "
+                f"{in_percent(share)} of length"
             )
         out.append(f"{sentence}.")
     rods = [
