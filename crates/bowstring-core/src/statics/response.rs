@@ -10,9 +10,8 @@ use crate::model::robot::Robot;
 use crate::rod::estimate::NEAR_BUCKLING;
 
 /// Critical force on the tip of a column clamped at its base, over bending stiffness by squared
-/// length (Euler), and critical weight of the column (Greenhill 1881).
+/// length (Euler).
 const CRITICAL_FORCE: f64 = 2.467;
-const CRITICAL_WEIGHT: f64 = 7.837;
 
 /// Strain of the unloaded rod and its derivatives by tensions, gravity and tip force.
 #[derive(Clone)]
@@ -68,14 +67,15 @@ impl Response {
             columns,
             shares: [
                 length * per_length / CRITICAL_FORCE,
-                robot.mass() * length * per_length / CRITICAL_WEIGHT,
+                robot.mass() * length * per_length / CRITICAL_FORCE,
                 span * span / length * per_length / NEAR_BUCKLING,
             ],
         })
     }
 
-    /// Strain under a load; none where a rod may have several equilibria (the sum of the shares of
-    /// the critical loads bounds the share of all: Dunkerley's rule), or where it bends far.
+    /// Strain under a load; none where it bends far, or where a rod may have several equilibria: the
+    /// sum of the shares of the critical loads bounds the share of all (Dunkerley's rule, with all
+    /// weight at the tip).
     pub fn start(&mut self, load: &Load) -> Option<&[Vec3]> {
         let norm = |v: [f64; 3]| Vec3(v).norm();
         let pull = load.tensions.iter().map(|t| t.abs()).sum::<f64>();
