@@ -57,9 +57,9 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
         assert_eq!(one.disk_position, many.disk_position);
         assert_eq!(one.disk_rotation, many.disk_rotation);
         assert_eq!(one.tendon_length, many.tendon_length);
-        // SIMD lanes differ by rounding only
+        // SIMD lanes start from straight, one by one from the linear response
         for (a, b) in one.outcomes.iter().zip(&cold.outcomes) {
-            assert_eq!((a.status, a.iterations), (b.status, b.iterations));
+            assert_eq!((a.status, a.stable), (b.status, b.stable));
         }
         assert_close(&one.disk_position, &cold.disk_position);
         assert_close(&one.disk_rotation, &cold.disk_rotation);
