@@ -105,7 +105,7 @@ fn a_load_on_the_last_disk_is_one_on_the_tip() {
                 let disk = solved(&mut solver, &on_disk);
                 let off = apart(&places, &disks(&solver));
                 // from different starts, to the tolerance of the residual
-                assert!(off < 1e-11, "{model:?} {elements}: {off:e}");
+                assert!(off < 1e-10, "{model:?} {elements}: {off:e}");
                 assert_eq!(tip.stable, disk.stable);
             }
         }
