@@ -29,11 +29,14 @@ _LONGEST: Final = 5000  # characters of a statement
 
 @dataclass(frozen=True)
 class Call:
-    """A call of the other program."""
+    """A call of the other program; None for a value that is not computed."""
 
     name: str
+    """Name with its dots, as the script writes it."""
     arguments: list[Any]
+    """Values of the arguments without a name."""
     keywords: dict[str, Any]
+    """Values of the others, by name."""
 
 
 def numbers(value: Any) -> NDArray[np.float64]:
