@@ -100,7 +100,7 @@ def _few_of(count: int) -> int:
 def spikes(readings: Floats) -> NDArray[np.int64]:
     """Rows of the few readings that lie several times the range of the others away from them.
 
-    Many in a row are a pulse, and the last of a geometric series is none.
+    Many in a row are a pulse; the last of a geometric series is not a spike.
     """
     if len(readings) <= _FEW + 1:
         return np.empty(0, np.int64)

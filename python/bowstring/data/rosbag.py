@@ -176,7 +176,7 @@ def _fields_alone(path: Path, schema: Any) -> str:
         If other lines than fields remain, or arrays of fixed length are too long.
     """
     lines = (" ".join(line.split("#")[0].split()) for line in schema.data.decode().splitlines())
-    fields = [line for line in lines if line.strip("=").count("=") == 0 and line]
+    fields = [line for line in lines if line and "=" not in line.strip("=")]
     for line in [f"MSG: {schema.name}", *fields]:
         if not _FIELD.fullmatch(line):
             raise InputError(

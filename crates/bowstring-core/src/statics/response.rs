@@ -25,7 +25,7 @@ pub(super) struct Response {
 }
 
 impl Response {
-    /// That of a rod, which is left under another load; none where the unloaded rod is no minimum.
+    /// Response of a rod, which is left under another load; none where the unloaded rod is unstable.
     pub fn of(rod: &mut dyn Passes, robot: &Robot) -> Option<Self> {
         let mut numbers = vec![0.0; robot.tendon_count() + 6];
         let (mut unloaded, mut columns) = (vec![], vec![]);

@@ -40,7 +40,7 @@ class Call:
 
 
 def numbers(value: Any) -> NDArray[np.float64]:
-    """Value as an array of finite floats; ValueError if it is none."""
+    """Value as an array of finite floats; ValueError if it is not one."""
     try:
         found = floats(value)
     except TypeError as error:
@@ -271,7 +271,7 @@ class Values:
 
 
 def _parsed(text: str) -> list[ast.stmt] | None:
-    """Statements of Python; None if it is none."""
+    """Statements of Python; None for text that is not Python."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # such as of unknown escapes in strings
