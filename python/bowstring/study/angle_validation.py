@@ -46,10 +46,10 @@ from bowstring.study.comparison import Theory
 from bowstring.study.data_validation import (
     DATA_MODELS,
     SUBJECTS,
+    Against,
     Loads,
     check_measurements,
     estimate_in_words,
-    labels_of,
     loads_of,
     rows_in_words,
     tip_poses,
@@ -118,7 +118,7 @@ class AngleComparison(Result):
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class AgainstAngles(Result):
+class AgainstAngles(Against, Result):
     """Comparison of all models with measured angles of the tip."""
 
     data: Measurements
@@ -173,26 +173,6 @@ class AgainstAngles(Result):
     def load_count(self) -> Annotated[int, Key("loads")]:
         """Number of different loads."""
         return self.loads.count
-
-    @property
-    def label(self) -> str:
-        """Source and name of the data."""
-        return f"{self.data.source}: {self.data.name}"
-
-    @property
-    def title(self) -> str:
-        """Label, capitalised."""
-        return self.label[0].upper() + self.label[1:]
-
-    @property
-    def models(self) -> tuple[str, ...]:
-        """Names of the available models."""
-        return tuple(dict.fromkeys(c.name for c in self.comparisons))
-
-    @property
-    def labels(self) -> dict[str, str]:
-        """Labels of the models; they state tendon lengths that were not measured."""
-        return labels_of(self.models, self.lengths_of)
 
     def comparison(self, name: str, frame: Frame | None = None) -> AngleComparison:
         """Return the comparison of a model in a frame, by default the first it has."""

@@ -19,7 +19,7 @@ table), in base axes. All values are in SI; K is the number of rows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -65,6 +65,7 @@ __all__ = [
     "DATA_MODELS",
     "FRAMES",
     "SUBJECTS",
+    "Against",
     "AgainstData",
     "DataComparison",
     "Effect",
@@ -72,7 +73,6 @@ __all__ = [
     "check_measurements",
     "estimate_in_words",
     "judge_data",
-    "labels_of",
     "loads_of",
     "rows_in_words",
     "rows_seen",
@@ -228,8 +228,36 @@ class Effect(Result):
 
 
 @short_repr
+class Against:
+    """Names of the data and models of a comparison with measurements."""
+
+    data: Measurements
+    comparisons: Sequence[Any]
+    lengths_of: str
+
+    @property
+    def label(self) -> str:
+        """Source and name of the data."""
+        return f"{self.data.source}: {self.data.name}"
+
+    @property
+    def title(self) -> str:
+        """Label, capitalised."""
+        return self.label[0].upper() + self.label[1:]
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Names of the available models."""
+        return tuple(dict.fromkeys(c.name for c in self.comparisons))
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Labels of the models; they state tendon lengths that were not measured."""
+        return labels_of(self.models, self.lengths_of)
+
+
 @dataclass(frozen=True, eq=False)
-class AgainstData:
+class AgainstData(Against):
     """All results of a study on measurements."""
 
     data: Measurements
@@ -268,26 +296,6 @@ class AgainstData:
     """Data, methods and left-out models in sentences."""
     doubts: tuple[str, ...] = ()
     """Warnings of rows that are left out and of commands that do not match the motion."""
-
-    @property
-    def label(self) -> str:
-        """Source and name of the data."""
-        return f"{self.data.source}: {self.data.name}"
-
-    @property
-    def title(self) -> str:
-        """Label, capitalised."""
-        return self.label[0].upper() + self.label[1:]
-
-    @property
-    def models(self) -> tuple[str, ...]:
-        """Names of the available models."""
-        return tuple(dict.fromkeys(c.name for c in self.comparisons))
-
-    @property
-    def labels(self) -> dict[str, str]:
-        """Labels of the models; they state tendon lengths that were not measured."""
-        return labels_of(self.models, self.lengths_of)
 
     @property
     def calibrated_friction(self) -> Robot | None:
