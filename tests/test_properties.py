@@ -230,8 +230,8 @@ LAWS: dict[str, Row] = {
         },
         by_displacement=True,
     ),
-    "gain and zero of drives": changed(
-        of("tendons", compliance="0.02 mm/N", gain=1.04, zero="0.3 mm"),
+    "gain, zero and delay of drives": changed(
+        of("tendons", compliance="0.02 mm/N", gain=1.04, zero="0.3 mm", delay="5 ms"),
         design={"segments.0.tendons.gain": [0.97, 1.05]},
         lacks={
             "derivatives": "derivatives do not know the law",

@@ -669,8 +669,8 @@ def test_positions_forms(load):
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
             "creep_compliance, creep_time, second_creep_compliance, second_creep_time, friction, "
             "wrap_angle, backlash, hole_clearance, mount_compliance, gain, zero, decoupling, "
-            "pretension, spool_radius, diameter, material, kind, area, bending_stiffness, turns, "
-            "end_pitch_radius.",
+            "delay, pretension, spool_radius, diameter, material, kind, area, bending_stiffness, "
+            "turns, end_pitch_radius.",
         ),
         (
             "pitch_radius: 12 mm",
@@ -686,8 +686,8 @@ def test_positions_forms(load):
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
             "creep_compliance, creep_time, second_creep_compliance, second_creep_time, friction, "
             "wrap_angle, backlash, hole_clearance, mount_compliance, gain, zero, decoupling, "
-            "pretension, spool_radius, diameter, material, kind, area, bending_stiffness, turns, "
-            "end_pitch_radius.",
+            "delay, pretension, spool_radius, diameter, material, kind, area, bending_stiffness, "
+            "turns, end_pitch_radius.",
         ),
         (
             "thickness: 3 mm",

@@ -100,6 +100,7 @@ export const LAWS: Record<string, [number, string]> = {
   gain: [1, COMMANDS],
   zero: [0, COMMANDS],
   decoupling: [0, "Decoupling of the drives is left out: displacements are those of whole tendons."],
+  delay: [0, "Delay of the drives has no effect at rest."],
 };
 /** Fields of robots that come compiled; zero is as if they were left out. */
 const COMPILED_ONLY = new Set(["rest_bend", "rest_twist", "turns"]);

@@ -424,10 +424,11 @@ def _tips(
 ) -> tuple[Floats, Floats]:
     """Positions and rotations of the tip along the loads.
 
-    With progress a path is solved in pieces, with identical results.
+    With progress a path is solved in pieces, with identical results, unless drives have a delay.
     """
     found: list[Sweep] = []
-    if progress is not None and not actuation.is_by_tensions(robot, load):
+    whole = actuation.is_by_tensions(robot, load) or robot.tendons.delay_s.any()
+    if progress is not None and not whole:
         for first in range(0, count, _AT_ONCE):
             progress(first / count)
             rows = slice(first, first + _AT_ONCE)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring.display import short_repr
 from bowstring.dynamics.modal import Oscillation, checked, oscillation
 from bowstring.errors import InputError
-from bowstring.robot.laws import OF_COMMANDS
+from bowstring.robot.laws import OF_DISPLACEMENTS
 from bowstring.robot.model import check_without_laws, without_laws
 from bowstring.statics.derivatives import jacobians
 from bowstring.statics.load import Load, as_load
@@ -170,7 +170,7 @@ def linearise(
             "a linear model needs derivatives, which tendons in the body do not have; "
             f"{robot.name} has such tendons"
         )
-    check_without_laws(robot, ", which no linear model has", but=OF_COMMANDS)
+    check_without_laws(robot, ", which no linear model has", but=OF_DISPLACEMENTS)
     found = oscillation(robot, commands, dead, model, path, count=modes)
     ratios = _damping(damping, len(found.speed), modes)
     by = jacobians(solve(without_laws(robot), commands[1], load=dead, model=model))

@@ -5,6 +5,7 @@ All values are in SI. T is the number of tendons.
 
 from __future__ import annotations
 
+import copy
 import time as clock
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
@@ -138,6 +139,10 @@ class Table:
         between = low + share[:, None] * (high - low)
         return np.asarray(np.where(share[:, None] >= 1.0, high, between))  # exact at the end
 
+    def later(self, delay: float) -> Table:
+        """Return the table with all times later by a delay, s."""
+        return Table(self.times + delay, self.values) if len(self.times) > 1 else self
+
     def knots(self) -> set[float]:
         """Times of its knots, including jumps."""
         return set(self.times.tolist())
@@ -228,6 +233,12 @@ class _Function:
         self.name, self.function, self.shape, self.loose = name, function, shape, loose
         self.least = np.broadcast_to(least, shape)
 
+    def later(self, delay: float) -> _Function:
+        """Return the function at times before a delay, s, and its first value before that."""
+        late = copy.copy(self)
+        late.function = lambda time: self.function(max(time - delay, 0.0))
+        return late
+
     def rows(self, times: Floats, *, before: bool = False) -> Floats:
         return np.array([self.at(t) for t in times.tolist()])
 
@@ -267,8 +278,36 @@ class _Function:
         return "function of time"
 
 
+class _Delayed:
+    """Commands of the tendons over time after the delays (T,) of their drives, s."""
+
+    def __init__(self, given: Table | _Function, delay: Floats) -> None:
+        self.given, self.is_sampled = given, given.is_sampled
+        self._parts = [(delay == each, given.later(each)) for each in np.unique(delay).tolist()]
+
+    def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        out = np.empty((len(times), len(self._parts[0][0])))
+        for own, history in self._parts:
+            out[:, own] = history.rows(times, before=before)[:, own]
+        return out
+
+    def at(self, time: float, *, before: bool = False) -> Floats:
+        return np.asarray(self.rows(np.array([time]), before=before)[0])
+
+    def knots(self) -> set[float]:
+        return set().union(*(history.knots() for _, history in self._parts))
+
+    def jumps(self) -> set[float]:
+        return set().union(*(history.jumps() for _, history in self._parts))
+
+    def to_dict(self) -> Any:
+        return self.given.to_dict()
+
+
 class Actuation:
     """Actuation of the tendons over time, by tension, displacement or motor angle.
+
+    Commands reach the tendons after the delays of the drives; before, the first command holds.
 
     Attributes
     ----------
@@ -287,12 +326,12 @@ class Actuation:
         self._robot = robot
         count = robot.core.tendon_count
         alone = load.is_tension_controlled and load.tensions is not None
-        least = robot.tendons.least_tension_N
-        self._histories: dict[str, _History] = {
-            name: over_time(name, getattr(load, name), count, unit, loose=not alone, least=least)
-            for name, unit in actuation.KINDS.items()
-            if getattr(load, name) is not None
-        }
+        least, delay = robot.tendons.least_tension_N, robot.tendons.delay_s
+        self._histories: dict[str, _Commands] = {}
+        for name, unit in actuation.KINDS.items():
+            if (value := getattr(load, name)) is not None:
+                given = over_time(name, value, count, unit, loose=not alone, least=least)
+                self._histories[name] = _Delayed(given, delay) if delay.any() else given
         self._alone = self._histories["tensions"] if alone else None
         self._longest = robot.disks.station_m[robot.tendons.end_disk]
         self.by_displacement: Bools = np.zeros(count, bool)
@@ -372,6 +411,7 @@ class Actuation:
 
 
 _History = Table | _Function
+_Commands = Table | _Function | _Delayed
 
 
 class _PointHistory:

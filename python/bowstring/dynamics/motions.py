@@ -14,7 +14,7 @@ from bowstring import _core
 from bowstring.dynamics.integrator import Integrator, with_ratio
 from bowstring.dynamics.modal import modes
 from bowstring.errors import InputError
-from bowstring.robot.laws import OF_COMMANDS
+from bowstring.robot.laws import OF_DISPLACEMENTS
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.load import Load
 from bowstring.statics.model import as_model
@@ -141,7 +141,9 @@ class Motions:
         threads: int = 0,
     ) -> None:
         check_robot(robot)
-        check_without_laws(robot, ", with which many motions are not computed", but=OF_COMMANDS)
+        check_without_laws(
+            robot, ", with which many motions are not computed", but=OF_DISPLACEMENTS
+        )
         self.robot, self.count = robot, whole("count", count, 1, _MOST)
         self.period = number("period", period, "s")
         choice("between", between, ("hold", "ramp"))

@@ -56,6 +56,7 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
     check_without_laws(
         robot,
         ", which the C library does not model",
+        but=("delay",),
     )
     if robot.tendons.pushes.any():
         raise InputError(

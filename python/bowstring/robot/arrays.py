@@ -122,6 +122,8 @@ class RobotTendons:
     """Displacements (T,) of the tendons where 0 is commanded, m."""
     decoupling: Floats
     """Shares (T,), of the displacements that inner segments take, that the drives add."""
+    delay_s: Floats
+    """Times (T,) after which the drives follow commands, s."""
     pretension_N: Floats
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
@@ -414,6 +416,7 @@ class RobotArrays(Part):
             gain=each("gain"),
             zero_m=each("zero"),
             decoupling=each("decoupling"),
+            delay_s=each("delay"),
             pretension_N=each("pretension"),
             spool_radius_m=each("spool_radius"),
             diameter_m=each("diameter"),

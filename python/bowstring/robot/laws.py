@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 from bowstring.formatting import listed
 
-__all__ = ["LAWS", "MEMORIES", "OF_COMMANDS", "Law"]
+__all__ = ["LAWS", "MEMORIES", "OF_COMMANDS", "OF_DISPLACEMENTS", "Law"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Law:
     none: float = 0.0
     """Size of a term without an effect."""
     of_commands: bool = False
-    """Whether it acts on displacements as they are commanded, before all mechanics."""
+    """Whether it acts on commands, before all mechanics."""
     pushes: bool = True
     """Whether its equation holds for rods and chambers, whose tension may be negative."""
 
@@ -131,10 +131,22 @@ _LAWS: Final = (
         memory=False,
         of_commands=True,
     ),
+    Law(
+        "delay",
+        "drives",
+        "tendons",
+        (("delay",),),
+        0.05,
+        "The delay of the drives has no effect on a robot at rest.",
+        memory=False,
+        of_commands=True,
+    ),
 )
 LAWS: Final = {law.key: law for law in _LAWS}
 """The laws by their keys."""
 MEMORIES: Final = {key: law for key, law in LAWS.items() if law.memory}
 """The laws with a memory."""
 OF_COMMANDS: Final = tuple(key for key, law in LAWS.items() if law.of_commands)
-"""Keys of the laws that act on commanded displacements."""
+"""Keys of the laws that act on commands."""
+OF_DISPLACEMENTS: Final = tuple(key for key in OF_COMMANDS if key != "delay")
+"""Keys of those that act on commanded displacements alone."""

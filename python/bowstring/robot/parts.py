@@ -666,6 +666,9 @@ class TendonProperties(Part):
         "drive adds to the commanded one: 1 if displacements are those of its own segment alone, 0 "
         "if left out, those of the whole tendon.",
     )
+    delay: Annotated[float, Quantity("s", "50 ms", "0 s", "1000 s")] = Field(
+        0.0, description="Time after which the drive follows a command; 0 if left out."
+    )
     pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
         0.0, description="Tension in the home pose, where its displacement is zero; 0 if left out."
     )
@@ -739,7 +742,7 @@ class TendonRing(TendonProperties):
         Values of each tendon, as in `Tendon`.
     second_creep_compliance, second_creep_time, wrap_angle : float
         Values of each tendon, as in `Tendon`.
-    hole_clearance, mount_compliance, gain, zero, decoupling : float
+    hole_clearance, mount_compliance, gain, zero, decoupling, delay : float
         Values of each tendon, as in `Tendon`.
     material, kind : str or None
         Material and kind of each tendon.
@@ -794,6 +797,8 @@ class Tendon(TendonProperties):
         Displacement of the tendon where 0 is commanded, in m.
     decoupling : float
         Share, of the displacement that inner segments take, that the drive adds.
+    delay : float
+        Time after which the drive follows a command, in s.
     pretension : float
         Tension in the home pose, where its displacement is zero, in N.
     spool_radius : float or None

@@ -33,15 +33,17 @@ __all__ = [
     "KINDS",
     "Given",
     "Path",
+    "checked_times",
     "commanded",
     "commands",
     "compliances",
+    "delayed",
     "displacements",
     "driven",
-    "durations",
     "given",
     "home_lengths",
     "tensions_of_pressures",
+    "through_drives",
 ]
 
 HISTORY_SCHEMA_VERSION: Final = 1
@@ -161,14 +163,42 @@ def commanded(robot: Robot, displacements: Floats) -> Floats:
     return found
 
 
+def delayed(by_displacement: Bools, values: Floats, times: Floats, delay: Floats) -> Floats:
+    """Commands (n, T) that drives follow at times (n,), s, after their delays (T,), s.
+
+    Linear in time between the rows, those of the first row before it (theory Eq. 4.14).
+    """
+    out = np.array(values)
+    for i in np.flatnonzero(delay) if len(values) else ():
+        if (by_displacement[:, i] != by_displacement[0, i]).any():
+            raise InputError(
+                f"tendon {i + 1} has a delay and changes between tensions and displacements; give "
+                "it one of them in all rows, or set delay to 0"
+            )
+        out[:, i] = np.interp(times - delay[i], times, values[:, i])
+    return out
+
+
 def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Floats]:
     """Commands of a load as they reach the tendons; otherwise as `given`."""
     by_displacement, values = given(robot, load, rows=rows)
+    return by_displacement, through_drives(robot, by_displacement, values)
+
+
+def through_drives(
+    robot: Robot, by_displacement: Bools, values: Floats, times: Floats | None = None
+) -> Floats:
+    """Commands as they reach the tendons (..., T); of rows with times (n,), s, after the delays."""
+    delay = robot.tendons.delay_s
+    if times is not None and delay.any():
+        least = np.where(by_displacement, -math.inf, robot.tendons.least_tension_N)
+        if (np.isfinite(values) & (values >= least)).all():  # others are refused by their rows
+            values = delayed(by_displacement, values, times, delay)
     if robot.laws and by_displacement.any():
         moved = np.where(by_displacement, values, 0.0)
         check_coupled(robot, by_displacement)
         values = np.where(by_displacement, driven(robot, moved), values)
-    return by_displacement, values
+    return values
 
 
 def check_coupled(robot: Robot, by_displacement: Bools) -> None:
@@ -283,12 +313,8 @@ def _not_one(
     return InputError(f"{tendon} has {both}; it can have only one of them")
 
 
-def durations(
-    robot: Robot, times: ArrayLike | None, count: int, *, warm: bool = True
-) -> Floats | None:
-    """Times from the row before, or from the start if not `warm`, to each row (n,) in s.
-
-    `times` count from the start of the path.
+def checked_times(robot: Robot, times: ArrayLike | None, count: int) -> Floats | None:
+    """Check and return the times of rows (n,), which count from the start of the path, s.
 
     Raises
     ------
@@ -317,7 +343,7 @@ def durations(
             f"times: row {row + 1} is {table[row]:g} s; times must be finite, count from the start "
             "of the path and not decrease"
         )
-    return np.asarray(steps if warm else table)
+    return np.asarray(table)
 
 
 # --------------------------------------------------------------------------------------

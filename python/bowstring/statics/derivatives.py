@@ -92,6 +92,7 @@ def check_smooth(solution: Solution) -> None:
     check_without_laws(
         solution.robot,
         ", which derivatives do not model",
+        but=("delay",),
     )
     if solution.model.tendon_path == "continuous":
         raise InputError(

@@ -115,8 +115,9 @@ def sweep(
         As for `solve`; the first row continues it.
     times : array_like (n,), optional
         Times in s since the home pose, or since the last row of the history; for a robot with
-        relaxation or creep. Actuation is linear in time from row to row. `fit` counts from the
-        first row: ``times=data.time - data.time[0]`` gives its predictions.
+        relaxation, creep or a delay. Actuation is linear in time from row to row; with a delay that
+        of the first row holds before it. `fit` counts from the first row:
+        ``times=data.time - data.time[0]`` gives its predictions.
     warm : bool
         Start each load from the previous solution, which is faster for small increments and stays
         on one branch of solutions. Otherwise each starts from the straight robot, or, where the
@@ -146,9 +147,16 @@ def sweep(
     check_robot(robot)
     warm, disks = validation.truth("warm", warm), validation.truth("disks", disks)
     load, model = _rows(as_load(tensions, load)), as_model(model)
+    if robot.tendons.delay_s.any() and history is not None and times is not None:
+        raise InputError(
+            f"a history does not have the commands that the delay of {robot.name} holds back; "
+            "sweep all rows at once, or set delay to 0",
+            argument="history",
+        )
     if actuation.is_by_tensions(robot, load, history):
         rows = _tensions(robot, load)
-        actuation.durations(robot, times, len(rows))  # checked only: it has no effect
+        late = actuation.checked_times(robot, times, len(rows))
+        rows = actuation.through_drives(robot, np.zeros(rows.shape, bool), rows, late)
         found = robot.core.sweep(rows, load, model, warm, disks)
         return Sweep(robot, rows.copy(), model, **found)
     return _follow(robot, load, model, history, disks, threads=None if warm else 1, times=times)
@@ -219,12 +227,11 @@ def _follow(
     times: ArrayLike | None = None,
 ) -> Sweep:
     """Solve rows as a path or, with a number of threads, each from the start."""
-    given, commands = actuation.commands(robot, load, rows=True)
+    given, commands = actuation.given(robot, load, rows=True)
     at_once = threads is not None and times is None  # all loads at once after the start
-    durations = None
-    if not at_once:
-        warm = threads is None
-        durations = actuation.durations(robot, times, len(commands), warm=warm)
+    late = None if at_once else actuation.checked_times(robot, times, len(commands))
+    commands = actuation.through_drives(robot, given, commands, late)
+    durations = late if late is None or threads is not None else np.diff(late, prepend=0.0)
     path = actuation.Path(robot, model, before)
     found = path.core.follow(given, commands, load, disks, threads, durations)
     names = ("displacements", "slack_lengths", "span_tensions", "undetermined", "conflicts")
