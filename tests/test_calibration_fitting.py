@@ -16,10 +16,11 @@ from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.fitting import _correlated_pair, fit
 from bowstring.calibration.observations import Data, score
 from bowstring.calibration.parameters import Unknowns
-from bowstring.calibration.tip_model import Prediction, TipModel, _delayed, _play
+from bowstring.calibration.tip_model import Prediction, TipModel, _play
 from bowstring.constant_curvature import RobotArcs
 from bowstring.data import synthetic as bench
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.statics.actuation import delayed
 
 SIDE = np.array([0.0, 5.0, 2.0])  # constant loads of the three tendons, in N
 
@@ -116,8 +117,9 @@ def test_play_follows_when_pushed():
 
 
 def test_delay_looks_back_between_rows():
-    time = np.array([0.0, 1.0, 3.0])
-    assert _delayed(np.array([[0.0], [1.0], [5.0]]), time, 0.5)[:, 0].tolist() == [0, 0.5, 4]
+    values, times = np.array([[0.0], [1.0], [5.0]]), np.array([0.0, 1.0, 3.0])
+    late = delayed(np.ones((3, 1), bool), values, times, np.array([0.5]))
+    assert late[:, 0].tolist() == [0, 0.5, 4]
 
 
 # -- synthetic measurements: known truth ------------------------------------------------------

@@ -17,7 +17,7 @@ from bowstring.study.calibration import calibrate, predicted
 GAIN = np.array([1.03, 0.98, 1.01])
 ZERO = np.array([3e-4, -2e-4, 1e-4])
 PLAIN = bs.load_robot("amouri2019", {"segments.0.tendons.compliance": "0.05 mm/N"})
-ROBOT = with_drives(PLAIN, GAIN, ZERO)
+ROBOT = with_drives(PLAIN, gain=GAIN, zero=ZERO)
 COMMANDS = np.array([[2e-3, -1e-3, -1e-3], [6e-3, -2e-3, -4e-3], [1e-3, 5e-3, -6e-3]])
 DRIVEN = GAIN * COMMANDS + ZERO
 
@@ -31,9 +31,9 @@ def test_a_ring_whose_drives_differ_becomes_a_list() -> None:
     assert ROBOT.tendons.zero_m.tolist() == ZERO.tolist()
     assert ROBOT.laws == ("gain", "zero") and not ROBOT.has_memory
     assert without_laws(ROBOT).hash == PLAIN.hash
-    alike = with_drives(PLAIN, np.full(3, 1.02), np.zeros(3))
+    alike = with_drives(PLAIN, gain=np.full(3, 1.02), zero=np.zeros(3))
     assert alike.segments[0].tendons.gain == 1.02
-    assert with_drives(PLAIN, np.ones(3), np.zeros(3)) is PLAIN
+    assert with_drives(PLAIN, gain=np.ones(3), zero=np.zeros(3)) is PLAIN
 
 
 def test_tendons_move_by_gain_and_zero() -> None:
@@ -54,7 +54,7 @@ def test_tendons_move_by_gain_and_zero() -> None:
 
 def test_angles_of_a_spool_are_commands() -> None:
     spool = {"segments.0.tendons.spool_radius": "10 mm"}
-    robot = with_drives(PLAIN.with_(spool), GAIN, ZERO)
+    robot = with_drives(PLAIN.with_(spool), gain=GAIN, zero=ZERO)
     found = bs.solve(robot, load=bs.Load(angles=COMMANDS[1] / 0.01))
     wanted = bs.solve(PLAIN, load=rows(DRIVEN[1]))
     np.testing.assert_allclose(found.tip.position, wanted.tip.position, atol=1e-9)
@@ -73,7 +73,7 @@ def test_a_linear_model_of_tensions_has_neither() -> None:
 
 
 def test_backlash_is_of_the_tendon() -> None:
-    robot = with_drives(PLAIN.with_({"segments.0.tendons.backlash": 2e-4}), GAIN, ZERO)
+    robot = with_drives(PLAIN.with_({"segments.0.tendons.backlash": 2e-4}), gain=GAIN, zero=ZERO)
     found = bs.sweep(robot, load=rows(COMMANDS)).displacements()
     state, wanted = np.zeros(3), []
     for row in DRIVEN:
@@ -196,6 +196,6 @@ def test_a_study_keeps_a_gain_of_both_kinds_of_commands() -> None:
     )
     data = data.select(np.arange(count))  # loading alone
     found = calibrate(PLAIN, data, "cosserat")
-    assert not found.fit.has_drives and found.gain > 1.05
+    assert "gain" not in found.fit.drives and found.gain > 1.05
     again = predicted(found.robot, data, "cosserat", found.gain_outside)
     np.testing.assert_allclose(again.tip_position, found.point, atol=1e-6)

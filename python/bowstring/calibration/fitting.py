@@ -173,9 +173,9 @@ class Fit(EndOfFit):
     """Passes over all rows."""
     unsolved: Annotated[int, Key("rows_without_equilibrium")]
     """Number of selected rows without an equilibrium, which are not fitted."""
-    has_drives: bool
-    """Whether the drives of `robot` have the fitted gains, and offsets as zeros: if all commands
-    are displacements, and a robot file can have these values."""
+    drives: tuple[str, ...]
+    """Parameters that the drives of `robot` have: the delay, and gains, and offsets as zeros, if
+    all commands are displacements; each if a robot file can have its values."""
     linear: Linear
     """Linearised fit at its minimum, for `bowstring.calibration.bootstrap.refitted`."""
     again: Callable[..., Fit]
@@ -237,11 +237,11 @@ class Fit(EndOfFit):
 
         With `robot` and `rod` they are the calibrated model.
         """
-        return self._unknowns.outside_file(self._values, drives=self.has_drives)
+        return self._unknowns.outside_file(self._values, drives=self.drives)
 
     def is_in_robot(self, name: str) -> bool:
         """Whether `robot` has a parameter, or a group of them."""
-        return self._unknowns.is_in_file(name, drives=self.has_drives)
+        return self._unknowns.is_in_file(name, drives=self.drives)
 
     @property
     def rod(self) -> RodModel | None:
@@ -453,8 +453,6 @@ def fit(
         raise InputError(
             f"{what} too few for {prior.free} parameters; measure at least as many, or fit fewer"
         )
-    if any(name == "delay" for name in unknowns.names):
-        commands.clock()
     sigma = observations.sigmas(data, len(commands))
     model_of_points = TipModel(unknowns, commands, rod, points.disks)
     work = Residuals(
@@ -645,7 +643,7 @@ def _result(
     doubts = () if astray else _doubts(work, found, at)
     unknowns, values = work.model.unknowns, found.x * work.step
     by_displacement = work.model.commands.are_displacements
-    robot, has_drives = unknowns.calibrated(values, by_displacement=by_displacement)
+    robot, drives = unknowns.calibrated(values, by_displacement=by_displacement)
     return Fit(
         model="arc" if work.model.rod is None else "rod",
         robot=robot,
@@ -679,7 +677,7 @@ def _result(
             tip=dependence.point == len(points.disks) - 1,
             block=observations.numbered(part[used]) if dependence.is_significant else None,
         ),
-        has_drives=has_drives,
+        drives=drives,
         again=again,
         _unknowns=unknowns,
         _commands=work.model.commands,

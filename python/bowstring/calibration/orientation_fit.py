@@ -145,8 +145,6 @@ def fit_orientation(
         raise InputError('bend_gain belongs to constant curvature; give model="arc"')
     for name in unknowns.names:
         unknowns.refuse_without_effect(name, arcs=rod is None)
-    if any(name == "delay" for name in unknowns.names):
-        commands.clock()
     of_tips = TipModel(unknowns, commands, rod)
     step = np.array([item.step for item in items])
     bounds = np.array([[item.low, item.high] for item in items]).T / step

@@ -69,8 +69,7 @@ _MARKER: Final = re.compile(r"marker\.(0|[1-9][0-9]{0,5})(?:\.([xyz]))?")
 _INITIAL: Final = re.compile(
     r"initial_(displacement|tension)(?:\.(0|[1-9][0-9]{0,5})(?:\.(0|[1-9][0-9]{0,5}))?)?"
 )
-#: Parameters of drives and of holes, which are fields of the robot file by other names.
-_OF_DRIVES: Final = ("gain", "offset")
+#: Parameters of holes, which are fields of the robot file by other names.
 _OF_HOLES: Final = ("hole_angle", "pitch_radius")
 #: Short names of fields of all tendons.
 _SHORT: Final = ("hole_clearance", "mount_compliance")
@@ -172,14 +171,13 @@ class Setting:
     Attributes
     ----------
     robot : Robot
-    gain, offset, backlash : ndarray (T,)
+    gain, offset, backlash, delay : ndarray (T,)
         The effective displacement is gain x (displacement after delay and backlash) + offset in m.
+        A delay, s, is negative where the clocks differ and the tips are ahead of the commands.
     tension_gain : ndarray (T,)
         Gain of a tension, without that of the drives in the robot file.
     tension_offset : ndarray (T,)
         Offset of a tension, N, where all commands are tensions.
-    delay : float
-        Delay of the tip behind the commands, s.
     position, turn : ndarray (3,)
         Position (m) and rotation vector (rad) of the robot's base in the measuring frame.
     tool : ndarray (3,)
@@ -198,9 +196,9 @@ class Setting:
     gain: Floats
     offset: Floats
     backlash: Floats
+    delay: Floats
     tension_gain: Floats
     tension_offset: Floats
-    delay: float
     position: Floats
     turn: Floats
     tool: Floats
@@ -266,9 +264,10 @@ class Unknowns:
         by_tension: bool = False,
     ) -> None:
         self.by_tension = by_tension
-        #: Gain and zero (m) of each drive in the robot file; fitted ones are beside these.
-        self._drives = robot.tendons.gain, robot.tendons.zero_m
-        robot = without_laws(robot, *(key for key in robot.laws if key not in ("gain", "zero")))
+        own = robot.tendons
+        #: Fields of the drives in the robot file; they are fitted beside, by names of their own.
+        self._drives = {"gain": own.gain, "zero": own.zero_m, "delay": own.delay_s}
+        robot = without_laws(robot, *(key for key in robot.laws if key not in self._drives))
         self.robot = robot
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise InputError(
@@ -276,8 +275,7 @@ class Unknowns:
             )
         self._tree = robot.model_dump(mode="json", exclude_none=True)
         fields = number_fields(self._tree)
-        drives = (".gain", ".zero")  # which are fitted by names of their own
-        self._leaves = {path: value for path, value in fields if not path.endswith(drives)}
+        self._leaves = {k: v for k, v in fields if k.rpartition(".")[2] not in self._drives}
         self._count = {"segments": len(robot.segments), "tendons": len(robot.tendons.segment)}
         self._held: dict[str, float] = {}
         self._robots: dict[object, Robot] = {}
@@ -305,6 +303,11 @@ class Unknowns:
     def names(self) -> list[str]:
         """Names of the unknowns."""
         return [item.name for item in self.items]
+
+    @property
+    def has_delay(self) -> bool:
+        """Whether a delay is fitted or fixed, beside that of the robot file."""
+        return "delay" in (*self.names, *self._held)
 
     @property
     def start(self) -> Floats:
@@ -381,19 +384,19 @@ class Unknowns:
             return np.asarray(found)
 
         angle, radius = each("hole_angle", "segments"), each("pitch_radius", "segments")
-        gain, (own_gain, own_zero) = each("gain", "tendons"), self._drives
+        gain, own = each("gain", "tendons"), self._drives
         base, tool = (
             np.array([extra.get(f"{name}.{member}", 0.0) for member in members])
             for name, members in _FRAMES.items()
         )
         return Setting(
             robot=self._made(overrides, angle, radius),
-            gain=gain * own_gain,
-            offset=own_zero + each("offset", "tendons"),
+            gain=gain * own["gain"],
+            offset=own["zero"] + each("offset", "tendons"),
             backlash=each("backlash", "tendons"),
+            delay=own["delay"] + extra.get("delay", 0.0),
             tension_gain=gain,
             tension_offset=each("offset", "tendons"),
-            delay=extra.get("delay", 0.0),
             position=base[:3],
             turn=base[3:],
             tool=tool,
@@ -451,24 +454,29 @@ class Unknowns:
             self._robots[key] = robot
         return self._robots[key]
 
-    def calibrated(self, values: Floats, *, by_displacement: bool) -> tuple[Robot, bool]:
-        """Return the robot of values (P,) in SI, and whether its drives have gain and offset.
+    def calibrated(self, values: Floats, *, by_displacement: bool) -> tuple[Robot, tuple[str, ...]]:
+        """Return the robot of values (P,) in SI, and the parameters that its drives have.
 
-        They have where drives are commanded by displacement alone, if a robot file can have them.
+        They have delays, and gain and offset where they are commanded by displacement alone, if a
+        robot file can have these values.
         """
-        setting = self.setting(values)
+        setting, drives = self.setting(values), tuple[str, ...]()
+        robot = with_drives(setting.robot, **self._drives)
+        with suppress(InputError):
+            robot, drives = with_drives(robot, delay=setting.delay), ("delay",)
         if by_displacement:
             with suppress(InputError):
-                return with_drives(setting.robot, setting.gain, setting.offset), True
-        return with_drives(setting.robot, *self._drives), False
+                robot = with_drives(robot, gain=setting.gain, zero=setting.offset)
+                drives = (*drives, "gain", "offset")
+        return robot, drives
 
-    def is_in_file(self, name: str, *, drives: bool) -> bool:
+    def is_in_file(self, name: str, *, drives: tuple[str, ...]) -> bool:
         """Whether the robot of `calibrated` has a parameter or group; `drives` is its answer."""
-        if name.partition(".")[0] in (*_OF_HOLES, *(_OF_DRIVES if drives else ())):
+        if name.partition(".")[0] in (*_OF_HOLES, *drives):
             return True
         return any(self._paths(each) for each in self._expand(name))
 
-    def outside_file(self, values: Floats, *, drives: bool) -> dict[str, float]:
+    def outside_file(self, values: Floats, *, drives: tuple[str, ...]) -> dict[str, float]:
         """Return fitted and fixed values that the robot of `calibrated` does not have, in SI.
 
         Those of the initial state belong to a recording, and are left out.

@@ -117,7 +117,8 @@ def inverse_with_residual(
     Raises
     ------
     InputError
-        If an argument is wrong, the fit has a delay, or the calibrated robot has no inverse.
+        If an argument is wrong, the fit has a delay that its robot file does not have, or the
+        calibrated robot has no inverse.
     """
     residual = validation.instance("residual", residual, Residual)
     wanted = np.atleast_2d(validation.vectors("position", position))
@@ -125,10 +126,6 @@ def inverse_with_residual(
         raise InputError("position must be (3,) or (K, 3) finite numbers in m")
     robot = residual.robot
     setting = Unknowns(robot, [], residual.values).setting(np.zeros(0))
-    if setting.delay:
-        raise InputError(
-            "the calibrated model has a delay, and a path of positions has no times; fit without it"
-        )
     notify = progress or (lambda share: None)
     turn = rotation(setting.turn)
     # in the base frame of the robot, where the shift is added

@@ -80,12 +80,7 @@ class Commands:
         Tensions below zero, as of noise and of a load cell with another zero, are zero where a
         tendon cannot push.
         """
-        values = self.values
-        if setting.delay:
-            time, late = self.clock(), np.empty_like(values)
-            for rows in self.paths:
-                late[rows] = _delayed(values[rows], time[rows], setting.delay)
-            values = late
+        values = self.late(setting.delay)
         if setting.backlash.any():
             followed = np.empty_like(values)
             for number, rows in enumerate(self.paths):
@@ -101,6 +96,18 @@ class Commands:
             tensions = tensions + setting.tension_offset
         tensions = np.maximum(tensions, setting.robot.tendons.least_tension_N)
         out: Floats = np.where(self.by_displacement, moved, tensions)
+        return out
+
+    def late(self, delay: Floats) -> Floats:
+        """Values (K, T) after the delays (T,) of the drives, s, along each path.
+
+        Without times the rows are at rest, and a delay has no effect.
+        """
+        if self.time is None or not delay.any():
+            return self.values
+        time, out = self.clock(), np.empty_like(self.values)
+        for k in self.paths:
+            out[k] = actuation.delayed(self.by_displacement[k], self.values[k], time[k], delay)
         return out
 
     def is_same(self, other: Commands) -> bool:
@@ -154,12 +161,6 @@ def paths_of(recording: NDArray[np.int64] | None, count: int) -> list[NDArray[np
     if recording is None:
         return [np.arange(count)]
     return [np.flatnonzero(recording == number) for number in np.unique(recording)]
-
-
-def _delayed(values: Floats, time: Floats, delay: float) -> Floats:
-    """Commands delayed by some time, linear between rows."""
-    asked = time - delay
-    return np.stack([np.interp(asked, time, column) for column in values.T], axis=1)
 
 
 def _play(values: Floats, width: Floats, state: Floats) -> Floats:
@@ -264,6 +265,8 @@ class TipModel:
         self._at_end = np.array([disk == end for disk in self.disks])
         self.unknowns = unknowns
         self.commands = commands
+        if unknowns.has_delay:
+            commands.clock()
         self.rod = None if rod is None else rod.replace(elements=rod.elements or 1)
         self.solves = 0
 

@@ -25,6 +25,7 @@ from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
 from bowstring.results import Key, Result
 from bowstring.robot.model import check_robot
+from bowstring.statics import actuation
 from bowstring.validation import check_is_read
 
 if TYPE_CHECKING:
@@ -707,11 +708,8 @@ class _Motion:
     """Indices of these rows in the measurements."""
     every: Floats
     """Tips or directions in all rows."""
-
-    @property
-    def every_command(self) -> Floats:
-        """Displacements or tensions in all rows."""
-        return self.m.displacements if self.by_displacement else self.m.tensions
+    every_command: Floats
+    """Displacements or tensions in all rows, after the delays of the drives."""
 
     def delayed(self, delay: float) -> _Motion | None:
         """Motion whose tips are some time behind the commands, s; None with too few rows."""
@@ -816,6 +814,9 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
         commands, by_tendon = m.tensions, _by_tension(robot)
     else:
         return "some tendons are given by tension and others by displacement", None
+    if m.time is not None and (np.diff(m.time) > 0).all():
+        by_displacement = np.zeros(commands.shape, bool)
+        commands = actuation.delayed(by_displacement, commands, m.time, robot.tendons.delay_s)
     rows = np.unique(np.linspace(0, len(m) - 1, min(len(m), _MOST_ROWS)).round().astype(int))
     rows = rows[np.isfinite(measured[rows]).all(axis=1)]
     if m.faults:  # the doubt of the table names the spikes
@@ -823,7 +824,7 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
         rows = np.setdiff1d(rows, np.concatenate([spikes(column) for column in columns]))
     if len(rows) < _FEWEST_ROWS:
         return f"it takes {_FEWEST_ROWS} rows or more", None
-    motion = _Motion(robot, m, commands[rows], by_tendon, measured[rows], rows, measured)
+    motion = _Motion(robot, m, commands[rows], by_tendon, measured[rows], rows, measured, commands)
     still = _spread(motion.measured) < _STILL * motion.size
     return "the tip hardly moves" if still else "", motion
 

@@ -261,19 +261,19 @@ def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool
     return with_fields(robot, "tendons", values, missing=missing)
 
 
-def with_drives(robot: Robot, gain: NDArray[np.float64], zero: NDArray[np.float64]) -> Robot:
-    """Set gain and zero (m) of the drive of each tendon (T,); a ring whose drives differ is a list.
+def with_drives(robot: Robot, **values: NDArray[np.float64]) -> Robot:
+    """Set fields of the drives, such as `gain`, for each tendon (T,), in SI.
 
-    The robot itself where nothing changes.
+    A ring whose drives differ becomes a list. The robot itself where nothing changes.
     """
     changes: dict[str, Any] = {}
-    now = robot.tendons
     for k, segment in enumerate(robot.segments):
-        own = np.flatnonzero(now.segment == k)
-        if (gain[own] == now.gain[own]).all() and (zero[own] == now.zero_m[own]).all():
+        own = np.flatnonzero(robot.tendons.segment == k)
+        drives = [{name: float(each[i]) for name, each in values.items()} for i in own]
+        now = [{name: getattr(t, name) for name in values} for t in segment.tendon_list]
+        if drives == now:
             continue
         where = f"segments.{k}.tendons"
-        drives = [{"gain": float(gain[i]), "zero": float(zero[i])} for i in own]
         if isinstance(segment.tendons, TendonRing) and all(each == drives[0] for each in drives):
             changes |= {f"{where}.{name}": value for name, value in drives[0].items()}
         else:

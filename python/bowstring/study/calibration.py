@@ -81,7 +81,7 @@ class StudyCalibration(Result):
     @property
     def gain_outside(self) -> float:
         """Gain of the commands that is not in `robot`."""
-        return 1.0 if self.fit.has_drives else self.gain
+        return 1.0 if "gain" in self.fit.drives else self.gain
 
     @property
     def gravity_in_base(self) -> Annotated[Array, Key("gravity_m_per_s2")]:
@@ -103,11 +103,13 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     tables = (data.tensions, data.displacements)
     given = [None if np.isnan(values).all() else gain * values for values in tables]
     model = RodModel(theory)
-    timed = robot.is_viscoelastic
-    if not robot.has_memory:
+    commands = observations.commands(data, robot)
+    late = robot.tendons.delay_s.any() and commands.time is not None
+    if not (robot.has_memory or late):
         return rod.solve_batch(robot, load=Load(*given), model=model, disks=False)
 
-    times = observations.commands(data, robot).clock("relaxation or creep") if timed else None
+    timed = late or robot.is_viscoelastic
+    times = commands.clock("relaxation, creep or delay") if timed else None
 
     def path(rows: NDArray[np.int64]) -> Sweep:
         load = Load(*(None if table is None else table[rows] for table in given))

@@ -715,9 +715,10 @@ def tip_poses(
         out["rod"] = file.tip_position, file.tip_rotation
     else:
         why.append("The rod as the robot file has it has no equilibrium at any row.")
+    commands = observations.commands(data, robot).late(robot.tendons.delay_s)
     if not np.isnan(data.displacements).any():
         lengths_of = "measurement"
-        moved = actuation.driven(robot, data.displacements)
+        moved = actuation.driven(robot, commands)
         lengths = robot.disks.station_m[robot.tendons.end_disk] - moved
     else:
         lengths_of, whose, sweep = "rod", "the rod as the robot file has it", file
@@ -733,9 +734,9 @@ def tip_poses(
     if np.isnan(data.tensions).any():
         why.append("The tensions are not known, and constant curvature from force needs them.")
     else:
-        fed |= dict.fromkeys(FROM_FORCE, data.tensions)
-    for name, commands in fed.items():
-        position, rotation, reason = poses_by_arcs(robot, name, commands)
+        fed |= dict.fromkeys(FROM_FORCE, commands)
+    for name, values in fed.items():
+        position, rotation, reason = poses_by_arcs(robot, name, values)
         if np.isfinite(position).any():
             out[name] = position, rotation
         else:
@@ -818,7 +819,8 @@ def _decomposition(
             )
         gain = calibration.gain_outside
         if "gain" not in on:
-            made, gain = with_drives(made, robot.tendons.gain, robot.tendons.zero_m), 1.0
+            gain, own = 1.0, robot.tendons
+            made = with_drives(made, gain=own.gain, zero=own.zero_m)
         sweep = predicted(made, data, theory, gain)
         point = sweep.tip_position + sweep.tip_rotation @ data.tool
         frame = calibration.frame if "registration" in on else Rigid.identity()
