@@ -7,8 +7,11 @@ import pytest
 
 import bowstring as bs
 from bowstring.calibration import Data, fit
+from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.tip_model import Commands, TipModel
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
+from bowstring.robot.model import with_tendons
 from bowstring.statics.design_sweeps import sweep_designs
 
 HALF = 0.4e-3
@@ -101,6 +104,24 @@ def test_a_fit_finds_it(start):
     assert found.converged
     assert found[FIELD].low <= 1e3 * HALF <= found[FIELD].high
     assert found.values[FIELD] == pytest.approx(HALF, rel=0.05)
+    # the robot file of the fit alone has its predictions
+    path = bs.sweep(
+        found.robot, load=bs.Load(displacements=commands), model=bs.RodModel(elements=1)
+    )
+    assert path.tip_position == pytest.approx(found.predict(data), abs=1e-9)
+
+
+def test_a_backlash_of_commands_is_one_of_the_drives_without_loss_at_the_first_row():
+    start = {"backlash": HALF, "gain": 1.05, "offset": 2e-4}
+    commands = Commands(np.ones(COMMANDS.shape, bool), COMMANDS, None)
+    model = bs.RodModel(elements=1)
+    found = TipModel(Unknowns(TIGHT, [], start), commands, model).predict(np.zeros(0))
+    drives = {"gain": 1.05, "zero": 2e-4, "backlash": 1.05 * HALF}
+    robot = with_tendons(TIGHT, drives)
+    taken_up = COMMANDS[0] + HALF * np.sign(COMMANDS[0])
+    load = bs.Load(displacements=np.vstack((taken_up, COMMANDS)))
+    path = bs.sweep(robot, load=load, model=model)
+    assert path.tip_position[1:] == pytest.approx(found.point, abs=1e-9)
 
 
 def test_the_error_budget_has_rows_of_backlash():
