@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import math
 from functools import cached_property
 from typing import Annotated, Any, Final
@@ -65,6 +66,19 @@ TENDON_KINDS: Final = ("tendon", "rod", "chamber")
 
 class Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Document the attributes in a docstring without them, by their declarations."""
+        text = inspect.cleandoc(cls.__doc__ or "")
+        if "\nAttributes\n" in text:
+            return
+        lines = [text, "", "Attributes", "----------"]
+        for name, field in cls.model_fields.items():
+            kind = inspect.formatannotation(field.annotation)
+            unit = "".join(f", {m.si}" for m in field.metadata if isinstance(m, Quantity) and m.si)
+            lines += [f"{name} : {kind}{unit}", f"    {field.description}"]
+        cls.__doc__ = "\n".join(lines)
 
 
 def _exactly_one(part: BaseModel, first: str, second: str) -> None:
@@ -155,39 +169,7 @@ class Backbone(Part):
     """Elastic rod in the middle of a segment: a round bar, a tube, or a rectangular bar.
 
     It is tapered where a size at the end of the segment is given: sizes then change in proportion
-    to arc length.
-
-    Attributes
-    ----------
-    diameter, inner_diameter : float
-        Outer diameter and diameter of the bore (0 for a solid rod) in m; ``diameter`` is None for
-        a rectangular backbone.
-    end_diameter, end_inner_diameter : float or None
-        The same at the segment's end; None where they do not change.
-    width, height : float or None
-        Sides of a rectangular section in m; None for a round one.
-    end_width, end_height : float or None
-        The same at the segment's end; None where they do not change.
-    width_direction : float
-        Direction of the width, angle from x in rad.
-    E, G : float
-        Young's and shear modulus in Pa; ``G`` is None where ``nu`` is given.
-    nu : float
-        Poisson's ratio; None where ``G`` is given.
-    density : float
-        Density in kg/m^3.
-    yield_strength, strain_limit : float or None
-        Largest allowed von Mises stress in Pa and strain; exceeding one gives a warning.
-    stiffness : tuple or None
-        Moments (N m) and forces (N) on a section by its curvature about x and y, twist (1/m), shear
-        along x and y, and extension, by rows of a symmetric 6x6 matrix; in place of E, G or nu, and
-        shape. ``diameter`` is then the outer one, for disks and pictures.
-    mass_per_length, rotary_inertia : float or None
-        Mass (kg/m) and mean rotary inertia about an axis of the section (kg m) per length; with
-        ``stiffness`` only.
-    rest_bend, rest_direction, rest_twist : float
-        Bend and twist of the unloaded segment from its start to its end, and the direction of that
-        bend from x, in rad.
+    to arc length. With ``stiffness``, ``diameter`` is the outer one, for disks and pictures.
     """
 
     model_config = ConfigDict(
@@ -481,23 +463,8 @@ class Backbone(Part):
 class Disks(Part):
     """Spacer disks of a segment; the last one is its end disk.
 
-    Attributes
-    ----------
-    count : int
-        Number of evenly spaced disks; None where ``positions`` is given.
-    positions : tuple of float
-        Distances from the segment's start in m; None where ``count`` is given.
-    mass : float
-        Mass of each disk in kg, a cylinder without holes; None where ``density`` is given.
-    density : float
-        Density of the material in kg/m^3, from which mass and inertia of the drilled disk follow;
-        None where ``mass`` is given.
-    radius, thickness : float
-        Outer radius and thickness of each disk in m.
-    hole_diameter : float
-        Diameter of the tendons' holes in m; None where unknown.
-    clamped_length : float
-        Length of backbone that each disk clamps rigidly, centred on the disk, in m.
+    With ``mass`` a disk has the inertia of a cylinder without holes, with ``density`` mass and
+    inertia of the drilled disk. ``clamped_length`` is centred on the disk.
     """
 
     model_config = ConfigDict(
@@ -554,20 +521,7 @@ class Disks(Part):
 
 
 class Payload(Part):
-    """Rigid body fixed to a disk: a tool, a camera, a mass.
-
-    Attributes
-    ----------
-    disk : int or None
-        Disk of the robot, counted from 1 at the base; None for the last one, the tip.
-    mass : float
-        Mass in kg.
-    centre : tuple of float (3,)
-        Centre of mass from the centre of the disk, in the axes of the disk, in m.
-    inertia : tuple of float (3,)
-        Moments of inertia about axes through the centre of mass parallel to those of the disk, in
-        kg m^2.
-    """
+    """Rigid body fixed to a disk: a tool, a camera, a mass."""
 
     disk: Annotated[int | None, Count(MAX_DISKS, "9")] = Field(
         None, description="Disk, counted from 1 at the base; the last one if left out."
@@ -723,31 +677,7 @@ class TendonProperties(Part):
 
 
 class TendonRing(TendonProperties):
-    """Tendons evenly spaced on a circle, counter-clockwise about z, all actuated alike.
-
-    Attributes
-    ----------
-    count : int
-        Number of tendons.
-    pitch_radius : float
-        Distance of the holes from the backbone's axis in m.
-    first_angle : float
-        Angle of the first tendon from x in rad.
-    axial_stiffness, free_length, compliance, friction, backlash, pretension : float
-        Values of each tendon, as in `Tendon`.
-    spool_radius, diameter, creep_compliance, creep_time : float
-        Values of each tendon, as in `Tendon`.
-    second_creep_compliance, second_creep_time, wrap_angle : float
-        Values of each tendon, as in `Tendon`.
-    hole_clearance, mount_compliance, gain, zero, decoupling : float
-        Values of each tendon, as in `Tendon`.
-    material, kind : str or None
-        Material and kind of each tendon.
-    area, bending_stiffness : float or None
-        Values of each chamber or rod, as in `Tendon`.
-    turns, end_pitch_radius : float
-        Routing of each tendon, as in `Tendon`.
-    """
+    """Tendons evenly spaced on a circle, counter-clockwise about z, all actuated alike."""
 
     count: Annotated[int, Count(MAX_TENDONS, "3")] = Field(description="Number of tendons.")
     pitch_radius: Annotated[float, _PITCH] = Field(
@@ -759,63 +689,7 @@ class TendonRing(TendonProperties):
 
 
 class Tendon(TendonProperties):
-    """One tendon of a list.
-
-    Attributes
-    ----------
-    angle : float
-        Angle of the hole from x, counter-clockwise about z, in rad.
-    pitch_radius : float
-        Distance of its holes from the backbone's axis in m.
-    axial_stiffness : float or None
-        Axial stiffness E A in N; None for an inextensible tendon.
-    free_length : float
-        Elastic length between base hole and actuator in m.
-    compliance : float
-        Compliance of the transmission in m/N.
-    creep_compliance, creep_time : float
-        Compliance of tendon and transmission that comes with time in m/N, and its time constant in
-        s.
-    second_creep_compliance, second_creep_time : float
-        The same with another time constant.
-    friction : float
-        Coulomb friction coefficient at each hole.
-    wrap_angle : float
-        Angle by which the tendon turns between drive and base hole, with the same friction, in rad.
-    backlash : float
-        Half the free travel of the drive when the displacement reverses, in m.
-    hole_clearance : float
-        Difference of the radii of hole and tendon in m.
-    mount_compliance : float
-        Displacement that the mount of the drives takes by the sum of all tensions, in m/N.
-    gain : float
-        Displacement of the tendon over that commanded.
-    zero : float
-        Displacement of the tendon where 0 is commanded, in m.
-    decoupling : float
-        Share, of the displacement that inner segments take, that the drive adds.
-    pretension : float
-        Tension in the home pose, where its displacement is zero, in N.
-    spool_radius : float or None
-        Radius of the spool in m; None without a spool, which excludes motor angles.
-    diameter : float or None
-        Diameter in m, used for the solid and for a study that assumes E A.
-    material : str or None
-        One of `TENDON_MATERIALS`, used for a study that assumes E A.
-    kind : str
-        "tendon", or "rod" or "chamber" where it pushes too.
-    area : float or None
-        Area in m^2 on which the pressure of a chamber acts.
-    bending_stiffness : float or None
-        Bending stiffness E I of a rod in N m^2, used to warn where it buckles.
-    turns : float
-        Turns about the backbone from the base to the end disk, in proportion to length.
-    end_pitch_radius : float or None
-        Pitch radius in the end disk in m, reached in proportion to length; None for `pitch_radius`.
-    angles, pitch_radii : tuple of float or None
-        Angles (rad) and pitch radii (m) of the holes in the disks, from the first to the end disk,
-        where they are given one by one; ``angle`` and ``pitch_radius`` are then those in the base.
-    """
+    """One tendon of a list."""
 
     angle: Annotated[float, _ANGLE] = Field(description="Angle from x, counter-clockwise.")
     pitch_radius: Annotated[float, _PITCH] = Field(
