@@ -7,14 +7,13 @@ several tables one below the other. A table begins where rows of numbers of one 
 from __future__ import annotations
 
 import csv
-import math
 import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from bowstring.data.clock import AmbiguousDateError, seconds_of
+from bowstring.data.clock import is_time
 from bowstring.data.tables import (
     MARKS,
     Form,
@@ -162,16 +161,9 @@ def _cells(line: str, mark: str) -> Cells:
 
 def _values(cells: Cells) -> int:
     """Number of cells with a number, a time or what says that nothing was measured."""
-    return sum(bool(cell) and _is_value(cell) for cell in cells)
-
-
-def _is_value(cell: str) -> bool:
-    if not is_text(cell) or is_missing(cell):
-        return True
-    try:
-        return math.isfinite(seconds_of(cell))
-    except AmbiguousDateError:
-        return True
+    return sum(
+        bool(cell) and (not is_text(cell) or is_missing(cell) or is_time(cell)) for cell in cells
+    )
 
 
 def _is_data(cells: Cells) -> bool:

@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.data.clock import DATES, ISO, AmbiguousDateError, seconds_of
+from bowstring.data.clock import DATES, ISO, AmbiguousDateError, is_time, seconds_of
 from bowstring.data.header_detection import UNITS
 from bowstring.data.tables import Form, Table, cell_number, is_name, with_point
 from bowstring.robot.model import Robot
@@ -790,15 +790,8 @@ def _times_in(column: _Column) -> list[str]:
     cells = [cell for cell in column.cells if cell.strip()]
     if len(column.known) or not cells:
         return []
-    found = [cell for cell in cells if _may_be_time(cell)]
+    found = list(filter(is_time, cells))
     return found if len(found) > 0.8 * len(cells) else []
-
-
-def _may_be_time(cell: str) -> bool:
-    try:
-        return math.isfinite(seconds_of(cell))
-    except AmbiguousDateError:
-        return True
 
 
 def _order(cells: Sequence[str]) -> str:

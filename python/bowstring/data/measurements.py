@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final, TextIO, cast
@@ -1077,10 +1078,7 @@ def write_measurements(
         written.
     """
     path = Path(path)
-
-    def fill(new: Path) -> None:
-        fill_table(new, measurements, comments)
-
+    fill = partial(fill_table, m=measurements, comments=comments)
     write_whole_file(path, "table", fill, lambda: _check_table(path))
     return path
 

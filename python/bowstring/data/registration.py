@@ -35,7 +35,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import plain
 from bowstring.significance import MIRROR, chi_square_p, variance_ratio_limit
-from bowstring.validation import floats, instance, number, numbers, shown, truth, vectors
+from bowstring.validation import floats, instance, number, numbers, read, shown, truth, vectors
 
 __all__ = [
     "Registration",
@@ -833,10 +833,7 @@ def _finite_points(name: str, value: ArrayLike) -> Array:
 
 
 def _rotations(value: ArrayLike, count: int) -> Array:
-    try:
-        found = floats(value)
-    except TypeError:
-        raise InputError(f"rotations is {shown(value)}, it must be numbers") from None
+    found = read("rotations", value, "numbers")
     if found.shape != (count, 3, 3):
         raise InputError(f"rotations has shape {found.shape}, it must be {(count, 3, 3)}")
     off = np.abs(found @ np.swapaxes(found, 1, 2) - np.eye(3)).max(axis=(1, 2))
