@@ -248,7 +248,6 @@ def run(arguments: Sequence[str]) -> int:
             return STOPPED
     except (InputError, NoSolutionError) as error:
         if interrupts.pending():  # the interrupt caused the error, for example in an import
-            interrupts.acknowledge()
             code = STOPPED
         else:
             if isinstance(error, InputError):
@@ -273,7 +272,6 @@ def run(arguments: Sequence[str]) -> int:
         say("Stopped", str(stopped))
         return STOPPED
     except KeyboardInterrupt:
-        interrupts.acknowledge()
         code = STOPPED
     except BaseException as error:  # a panic of the core is a BaseException
         if isinstance(error, SystemExit):
@@ -285,9 +283,9 @@ def run(arguments: Sequence[str]) -> int:
             traceback.print_exc()
             say("Error", "this is a bug in Bowstring; please report it with the lines above.")
             return BUG
-        interrupts.acknowledge()
         code = STOPPED
     if code == STOPPED:
+        interrupts.acknowledge()
         say("Stopped", "nothing was written.")
     return code if isinstance(code, int) else 0
 

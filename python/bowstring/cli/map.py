@@ -166,11 +166,8 @@ def map_(
             load=loads,
             progress=notify,
         )
-        written, sentences = figure_file(lambda: found.save(file)), described(found)
-    if not as_json:
-        return write("\n".join([*sentences, f"Map: {written or NOT_DRAWN}"]) + "\n")
-    content: dict[str, Any] = {**made, **found.to_dict(), "text": sentences, "file": written}
-    return write_json(content)
+        written = figure_file(lambda: found.save(file))
+    _print(found.to_dict(), described(found), written, made, as_json)
 
 
 def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
@@ -181,11 +178,16 @@ def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
     with progress_bar("errors") as notify:
         found: ValidityGrid = of_flag("--over", lambda one: compute_grid(one, notify), job)
         notify("figure", 0.95)
-        written, sentences = figure_file(lambda: found.save(file)), found.described()
-    if not as_json:
-        return write("\n".join([*sentences, f"Map: {written or NOT_DRAWN}"]) + "\n")
-    content: dict[str, Any] = {**made, **found.to_dict(), "text": sentences, "file": written}
-    return write_json(content)
+        written = figure_file(lambda: found.save(file))
+    _print(found.to_dict(), found.described(), written, made, as_json)
+
+
+def _print(
+    found: dict[str, Any], text: list[str], file: str | None, made: OfRobot, as_json: bool
+) -> None:
+    if as_json:
+        return write_json({**made, **found, "text": text, "file": file})
+    write("\n".join([*text, f"Map: {file or NOT_DRAWN}"]) + "\n")
 
 
 def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.StoredValues:
