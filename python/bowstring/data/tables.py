@@ -40,6 +40,7 @@ __all__ = [
     "cell_number",
     "default_separator",
     "is_blank",
+    "is_comment",
     "is_missing",
     "is_name",
     "is_text",
@@ -311,12 +312,8 @@ def lines_of_table(path: Path) -> tuple[list[str], bool]:
     if not data.startswith(_ZIP):
         return re.split(r"\r\n|\n|\r", data.decode(_encoding(path, data))), False
     rows = _values(path, _sheets(path, data)[0], 1, _MOST_COLUMNS)
-    lines = ("\t".join(map(_without_mark, cells)) for _, cells in islice(rows, _MOST_LINES))
-    return [line.rstrip("\t") for line in lines], True
-
-
-def _without_mark(cell: str) -> str:
-    return " ".join(cell.split())
+    cells = ([" ".join(cell.split()) for cell in row] for _, row in islice(rows, _MOST_LINES))
+    return ["\t".join(row).rstrip("\t") for row in cells], True
 
 
 def _short(error: Exception) -> str:
@@ -334,7 +331,7 @@ def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
     about: dict[str, str] = {}
     number, first = 0, ""
     for number, first in enumerate(lines, 1):
-        if number > form.skip and first.strip() and not _is_comment(first):
+        if number > form.skip and first.strip() and not is_comment(first):
             break
         if number > form.skip:
             _remember(first, about)
@@ -529,7 +526,8 @@ def _encoding(path: Path, data: bytes) -> str:
     return encoding
 
 
-def _is_comment(line: str) -> bool:
+def is_comment(line: str) -> bool:
+    """Whether a line is a comment, also in the quotes of a spreadsheet."""
     return line.lstrip(' \t"').startswith("#")
 
 
