@@ -95,6 +95,11 @@ def _one_of(first: str, second: str) -> Any:
 _PITCH = Quantity("m", "29 mm", "0 mm", "100 m")
 _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 _SIZE = Quantity("m", "5 mm", "1 um", "10 m")
+_COMPLIANCE = Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")
+#: Largest share of the bending stiffness that slides or relaxes: the statics of a step does not
+#: converge far above it.
+_MOST_INELASTIC: Final = 0.6
+_INELASTIC = Quantity("", "0.1", "0", str(_MOST_INELASTIC))
 _EDGE: Final = 1.0 + 1e-12  # what rounding adds to the edge of a section
 
 
@@ -158,11 +163,6 @@ def _rest_of_section(backbone: Backbone) -> None:
     for name in ("end_width", "end_height", "width_direction"):
         if given[name]:
             raise wrong(f"{name}: given with diameter; it is for a rectangular backbone")
-
-
-#: Largest share of the bending stiffness that slides or relaxes: the statics of a step does not
-#: converge far above it.
-_MOST_INELASTIC: Final = 0.6
 
 
 class Backbone(Part):
@@ -266,7 +266,7 @@ class Backbone(Part):
         0.0, description="Twist of the unloaded segment from start to end; 0 if left out."
     )
 
-    hysteresis: Annotated[float, Quantity("", "0.1", "0", "0.6")] = Field(
+    hysteresis: Annotated[float, _INELASTIC] = Field(
         0.0,
         description="Share of the bending stiffness that slides beyond hysteresis_play; 0 if left "
         "out, elastic.",
@@ -275,16 +275,14 @@ class Backbone(Part):
         0.0,
         description="Change of the segment's bend beyond which that share slides; 0 if left out.",
     )
-    relaxation: Annotated[float, Quantity("", "0.1", "0", "0.6")] = Field(
-        0.0,
-        description="Share of the bending stiffness that relaxes with time; 0 if left out.",
+    relaxation: Annotated[float, _INELASTIC] = Field(
+        0.0, description="Share of the bending stiffness that relaxes with time; 0 if left out."
     )
     relaxation_time: Annotated[float, Quantity("s", "30 s", "1 ms", "1e9 s")] = Field(
         30.0, description="Time constant of the relaxation; 30 s if left out."
     )
-    second_relaxation: Annotated[float, Quantity("", "0.1", "0", "0.6")] = Field(
-        0.0,
-        description="Share that relaxes with another time constant; 0 if left out.",
+    second_relaxation: Annotated[float, _INELASTIC] = Field(
+        0.0, description="Share that relaxes with another time constant; 0 if left out."
     )
     second_relaxation_time: Annotated[float, Quantity("s", "300 s", "1 ms", "1e9 s")] = Field(
         300.0, description="Time constant of the second relaxation; 300 s if left out."
@@ -566,21 +564,18 @@ class TendonProperties(Part):
     free_length: Annotated[float, Quantity("m", "300 mm", "0 mm", "1 km")] = Field(
         0.0, description="Length of tendon from the base hole to the actuator; 0 if left out."
     )
-    compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+    compliance: Annotated[float, _COMPLIANCE] = Field(
         0.0, description="Compliance of the transmission (spool, gearbox, sheath); 0 if left out."
     )
-    creep_compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+    creep_compliance: Annotated[float, _COMPLIANCE] = Field(
         0.0,
         description="Compliance of tendon and transmission that comes with time; 0 if left out.",
     )
     creep_time: Annotated[float, Quantity("s", "30 s", "1 ms", "1e9 s")] = Field(
         30.0, description="Time constant of that compliance; 30 s if left out."
     )
-    second_creep_compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = (
-        Field(
-            0.0,
-            description="Compliance that comes with another time constant; 0 if left out.",
-        )
+    second_creep_compliance: Annotated[float, _COMPLIANCE] = Field(
+        0.0, description="Compliance that comes with another time constant; 0 if left out."
     )
     second_creep_time: Annotated[float, Quantity("s", "300 s", "1 ms", "1e9 s")] = Field(
         300.0, description="Time constant of the second creep; 300 s if left out."
@@ -603,7 +598,7 @@ class TendonProperties(Part):
         description="Difference of the radii of hole and tendon: where the backbone bends, the "
         "tendon loses displacement; 0 if left out.",
     )
-    mount_compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+    mount_compliance: Annotated[float, _COMPLIANCE] = Field(
         0.0,
         description="Displacement that the mount of the drives takes for each newton of the sum of "
         "all tensions; 0 if left out.",
@@ -770,10 +765,6 @@ def tendon_field(segment: int, tendons: object, tendon: int, name: str) -> str:
     return f"segments[{segment}].tendons{'' if ring else f'[{tendon}]'}.{name}"
 
 
-def _tendon_form(value: object) -> str:
-    return "list" if isinstance(value, (list, tuple)) else "ring"
-
-
 def _disks_of_a_body(schema: dict[str, Any]) -> None:
     """A body with tendons in it needs no disks."""
     schema["required"].remove("disks")
@@ -818,7 +809,7 @@ class Segment(Part):
     tendons: Annotated[
         Annotated[TendonRing, Tag("ring")]
         | Annotated[tuple[Tendon, ...], Field(max_length=MAX_TENDONS), Tag("list")],
-        Discriminator(_tendon_form),
+        Discriminator(lambda value: "list" if isinstance(value, (list, tuple)) else "ring"),
     ]
 
     @model_validator(mode="before")
