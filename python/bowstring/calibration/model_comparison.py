@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,13 +85,7 @@ _CALLED: Final[dict[ModelName, str]] = {
     "rod_creep": "rod with creeping tendons",
     "rod_relaxation": "rod with backbone relaxation",
 }
-_OF_MEMORY: Final[dict[Memory, ModelName]] = {
-    "backlash": "rod_backlash",
-    "friction": "rod_friction",
-    "hysteresis": "rod_hysteresis",
-    "creep": "rod_creep",
-    "relaxation": "rod_relaxation",
-}
+_OF_MEMORY: Final = {memory: cast("ModelName", f"rod_{memory}") for memory in MEMORIES}
 #: Time of a model over that of the calibrated rod, about: with a memory derivatives are
 #: differences, and hysteresis, creep and relaxation begin at three values.
 _TIME: Final[dict[ModelName, float]] = {
@@ -321,7 +315,10 @@ def compare_models(
     candidates = _candidates(robot, parameters)
     whole = Unknowns(robot, parameters, by_tension=work.commands.are_tensions)
     work.priors, work.known = priors, read_priors(priors, robot, whole)
-    asked = [memory for memory in MEMORIES if memory in _checked(memories)]
+    for memory in [memories] if isinstance(memories, str) else memories:
+        if memory not in MEMORIES:
+            raise InputError(f"memory {shown(memory)} is unknown; memories are {listed(MEMORIES)}")
+    asked = [memory for memory in MEMORIES if memory in memories]
     if asked:
         refuse_disorder(work.commands, "a memory needs")
         if validation is not None:
@@ -374,13 +371,6 @@ def _held_out(model: JudgedModel, on: str) -> Floats:
 
 
 # -- models --------------------------------------------------------------------------------------
-
-
-def _checked(memories: Sequence[Memory]) -> Sequence[Memory]:
-    for name in [memories] if isinstance(memories, str) else memories:
-        if name not in MEMORIES:
-            raise InputError(f"memory {shown(name)} is unknown; memories are {listed(MEMORIES)}")
-    return memories
 
 
 def _candidates(robot: Robot, parameters: Sequence[str]) -> list[_Candidate]:
