@@ -130,39 +130,32 @@ def _check_stiffness(backbone: Backbone) -> None:
 
 def _rest_of_section(backbone: Backbone) -> None:
     """Refuse fields of a round and of a rectangular section side by side, and parts of one."""
-    given = {
-        name: getattr(backbone, name) is not None
-        for name in ("diameter", "width", "height", "end_diameter", "end_width", "end_height")
-    }
-    given["end_inner_diameter"] = backbone.end_inner_diameter is not None
-    rectangular = given["width"] or given["height"]
-    if given["diameter"] and rectangular:
+    given = {name: getattr(backbone, name) is not None for name in Backbone.model_fields}
+    for name in ("inner_diameter", "width_direction"):
+        given[name] = bool(np.any(getattr(backbone, name)))
+    if given["diameter"] and (given["width"] or given["height"]):
         raise wrong(
             "diameter and width: both given; write diameter of a round backbone, or width and "
             "height of a rectangular one"
         )
-    if rectangular:
-        for name in ("width", "height"):
-            if not given[name]:
-                raise wrong(f"{name}: missing; a rectangular backbone needs width and height")
-        for name in ("end_diameter", "end_inner_diameter"):
+    if given["diameter"]:
+        for name in ("end_width", "end_height", "width_direction"):
             if given[name]:
-                raise wrong(f"{name}: given with width; it is for a round backbone")
-        for name in ("yield_strength", "strain_limit"):
-            if getattr(backbone, name) is not None:
-                raise wrong(f"{name}: given with width; limits are for a round backbone")
-        if np.any(backbone.inner_diameter):
-            raise wrong("inner_diameter: given with width; it is for a round backbone")
+                raise wrong(f"{name}: given with diameter; it is for a rectangular backbone")
         return
-    if not given["diameter"]:
+    if not (given["width"] or given["height"]):
         raise wrong(
             'diameter: missing; write for example "diameter: 5 mm", or width and height of a '
             "rectangular backbone"
         )
-    given["width_direction"] = bool(np.any(backbone.width_direction))
-    for name in ("end_width", "end_height", "width_direction"):
+    for name in ("width", "height"):
+        if not given[name]:
+            raise wrong(f"{name}: missing; a rectangular backbone needs width and height")
+    limits = ("yield_strength", "strain_limit")
+    for name in ("end_diameter", "end_inner_diameter", *limits, "inner_diameter"):
         if given[name]:
-            raise wrong(f"{name}: given with diameter; it is for a rectangular backbone")
+            what = "limits are" if name in limits else "it is"
+            raise wrong(f"{name}: given with width; {what} for a round backbone")
 
 
 class Backbone(Part):
