@@ -32,6 +32,7 @@ from bowstring.cli.output import (
     progress_bar,
     provenance_of,
     say,
+    warn,
     write_json,
     write_tables,
 )
@@ -345,8 +346,7 @@ def fit(
     tendons = found.tendons.sentence if found.tendons.alarm else found.tendons.remark
     doubts = list(filter(None, [tendons, found.broken_path]))
     of_table = [*filter(None, [table.doubt]), *found.fit.doubts]
-    for sentence in [*(of_table if as_json else []), *doubts]:  # else they are the first lines
-        say("Warning", sentence)
+    warn(*(of_table if as_json else ()), *doubts)  # else they are the first lines
     content: dict[str, Any] = {
         **found.to_dict(),
         **origin,
@@ -485,8 +485,7 @@ def _fit_orientation(
     found = fit_orientation(robot, table, parameter, model=kind, start=begin, loss=loss)
     doubts = [table.doubt, order.sentence if order.alarm else order.remark]
     doubts = [sentence for sentence in doubts if sentence]
-    for sentence in doubts:
-        say("Warning", sentence)
+    warn(*doubts)
     if as_json:
         write_json({**found.to_dict(), **origin, "warnings": [*robot.warnings, *doubts]})
     else:

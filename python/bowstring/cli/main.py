@@ -20,7 +20,7 @@ import typer
 
 from bowstring import interrupts
 from bowstring.cli.groups import Command, Quiet, spread
-from bowstring.cli.output import Stopped, be_quiet, coloured, say, write
+from bowstring.cli.output import Stopped, be_quiet, coloured, say, warn, write
 from bowstring.errors import FigureWarning, InputError, NoSolutionError, StabilityWarning
 
 BAD_INPUT: Final = 2
@@ -300,7 +300,7 @@ def _show_warning(
 ) -> None:
     """Show a warning; those of Bowstring without their line of code."""
     if issubclass(category, (StabilityWarning, FigureWarning)):
-        say("Warning", str(message))
+        warn(str(message))
     else:
         sys.stderr.write(warnings.formatwarning(message, category, filename, lineno, line))
 

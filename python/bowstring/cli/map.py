@@ -28,7 +28,7 @@ from bowstring.cli.output import (
     figure_file,
     progress_bar,
     provenance_of,
-    say,
+    warn,
     write,
     write_json,
 )
@@ -141,16 +141,14 @@ def map_(
         axes = of_flag("--over", lambda texts: read_axes(robot, texts, loading, loads), over)
         count = math.prod(len(axis.values) for axis in axes)
         if count > _MANY and count * points <= MOST_SOLVES:
-            say(
-                "Warning",
+            warn(
                 f"{count} points are computed in memory, and a stop loses them; --store DIR keeps "
                 "what is done.",
             )
         space = space_of(robot, axes, loading, loads)
         top, reached = reach_of_ramp(space)
         if reached < top:
-            say(
-                "Warning",
+            warn(
                 f"the robot as it is is solved up to about {significant(reached)} N of "
                 f"{significant(top)} N, and loads beyond take long; give a smaller range of the "
                 "tension.",
