@@ -76,18 +76,8 @@ _NO_TIP: Final = {
     *("orientation", "rotation", "rot", "quat", "quaternion", "q", "angle", "euler", "roll", "yaw"),
     *("velocity", "vel", "linear", "angular", "twist", "acc", "accel", "acceleration", "gyro"),
     *("mag", "magnetic", "force", "torque", "moment", "wrench", "error", "base", "target", "goal"),
-    *(
-        "reference",
-        "ref",
-        "desired",
-        "des",
-        "setpoint",
-        "command",
-        "commanded",
-        "cmd",
-        "covariance",
-    ),
-    *("std", "sigma", "likelihood"),
+    *("reference", "ref", "desired", "des", "setpoint", "command", "commanded", "cmd"),
+    *("covariance", "std", "sigma", "likelihood"),
 }
 _QUATERNION: Final = {
     *("q", "qw", "qx", "qy", "qz", "quat", "quaternion", "orientation", "rotation"),
@@ -96,20 +86,9 @@ _NO_COMMAND: Final = {
     *_NO_TIP
     - {"force", "target", "goal", "reference", "ref", "desired", "des", "setpoint"}
     - {"command", "commanded", "cmd", "linear"},
-    *(
-        "seq",
-        "frame",
-        "face",
-        "port",
-        "state",
-        "status",
-        "index",
-        "id",
-        "tools",
-        "markers",
-        "valid",
-    ),
-    *("quality", "temperature", "temp", "current", "voltage", "tip", "x", "y", "z", "residual"),
+    *("seq", "frame", "face", "port", "state", "status", "index", "id", "tools", "markers"),
+    *("valid", "quality", "temperature", "temp", "current", "voltage", "residual"),
+    *("tip", "x", "y", "z"),
 }
 _ANGLES: Final = {"bend": ("bend", "theta"), "direction": ("direction", "phi", "plane")}
 
