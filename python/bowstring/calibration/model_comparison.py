@@ -492,18 +492,10 @@ class _Work:
                 argument="folds",
             )
         if validation is not None:
-            cls._check_validation(data, used, validation, robot)
+            observations.commands(validation, robot)
+            observations.check_validation(data, used, validation)
         notify = progress or (lambda what, share: None)
         return cls(robot, data, commands, used, part, int(folds), validation, notify, loss)
-
-    @staticmethod
-    def _check_validation(
-        data: Measurements, used: NDArray[np.bool_], other: Measurements, robot: Robot
-    ) -> None:
-        observations.commands(other, robot)
-        if not other.seen.any():
-            raise InputError(f"{other.name} has no measured tip to validate with")
-        observations.refuse_common_rows(data, used, other, other.seen)
 
     def is_better(
         self, simple: JudgedModel, memory: JudgedModel, errors: float = MEMORY_ERRORS

@@ -29,6 +29,7 @@ __all__ = [
     "PointScore",
     "Points",
     "Score",
+    "check_validation",
     "commands",
     "fitted_rows",
     "groups",
@@ -36,7 +37,6 @@ __all__ = [
     "measured_points",
     "numbered",
     "read",
-    "refuse_common_rows",
     "repeats_loads",
     "score",
     "sigmas",
@@ -423,8 +423,11 @@ def tool(data: Measured, unsaid: Floats | None = None) -> Floats:
     return np.asarray(getattr(data, "tool", none), dtype=float)
 
 
-def refuse_common_rows(data: Measurements, used: Bools, other: Measurements, judged: Bools) -> None:
-    """Refuse validation rows with the commands and the tip of a fitted row."""
+def check_validation(data: Measurements, used: Bools, other: Measurements) -> None:
+    """Refuse a validation table without a tip, or with commands and tip of a fitted row."""
+    judged = other.seen
+    if not judged.any():
+        raise InputError(f"{other.name} has no measured tip to validate with")
 
     def keys(table: Measurements) -> list[bytes]:
         columns = (np.nan_to_num(table.tensions), np.nan_to_num(table.displacements), table.tip)

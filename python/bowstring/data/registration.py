@@ -48,16 +48,10 @@ __all__ = [
 Array = NDArray[np.float64]
 Kind = Literal["known", "fiducials", "model"]
 
-PARAMETERS: Final = (
-    "rotation_x_rad",
-    "rotation_y_rad",
-    "rotation_z_rad",
-    "shift_x_m",
-    "shift_y_m",
-    "shift_z_m",
-    "offset_x_m",
-    "offset_y_m",
-    "offset_z_m",
+PARAMETERS: Final = tuple(
+    f"{name}_{axis}_{unit}"
+    for name, unit in (("rotation", "rad"), ("shift", "m"), ("offset", "m"))
+    for axis in "xyz"
 )
 """Parameters of a fit in the order of its covariance; the first six without an offset."""
 
