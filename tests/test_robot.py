@@ -1,6 +1,7 @@
 """The robot file: its meaning, its checks and their messages."""
 
 import copy
+import inspect
 import json
 import math
 import pickle
@@ -24,6 +25,15 @@ import bowstring as bs
 import bowstring.units as units
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
+from bowstring.robot.parts import (
+    Backbone,
+    Disks,
+    Part,
+    Payload,
+    Segment,
+    Tendon,
+    TendonRing,
+)
 from bowstring.robot.reader import load_robot, robot_names, robot_schema
 
 ROOT = Path(__file__).parent.parent
@@ -1461,3 +1471,12 @@ def test_overrides_are_a_mapping(overrides: object) -> None:
 def test_modules_of_the_data_are_attributes() -> None:
     code = "import bowstring as bs; bs.data.registration, bs.data.synthetic, bs.data.datasets"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    "part",
+    [Robot, Backbone, Disks, Payload, Segment, Tendon, TendonRing],
+)
+def test_the_docstring_of_a_part_has_all_of_its_fields(part: type[Part]) -> None:
+    said = re.findall(r"(?m)^(\w+) : ", inspect.cleandoc(part.__doc__ or ""))
+    assert said == list(part.model_fields)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class BowstringError(ValueError):
     """Base class of all errors that Bowstring raises; the message is one sentence."""
@@ -60,3 +63,19 @@ class StabilityWarning(UserWarning):
 
 class FigureWarning(UserWarning):
     """A figure could not be drawn; the results beside it are complete."""
+
+
+@contextmanager
+def library_errors(beginning: str, *, kind: bool = False) -> Iterator[None]:
+    """Turn any exception of a library into an `InputError`; `beginning` is that of its message.
+
+    Libraries raise many kinds of exception on damaged files, with messages that may quote a whole
+    cell. `kind`: whether the message names that of the exception.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        text = f"{type(error).__name__} {error}" if kind else str(error)
+        raise InputError(f"{beginning}: {' '.join(text.split())[:200]}") from None

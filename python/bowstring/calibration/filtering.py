@@ -94,11 +94,7 @@ def fit_slow_bias(found: Fit, data: Measured) -> SlowBias:
     instance("found", found, Fit)
     gaps, starts, timed = _gaps(observations.commands(data, found.robot), None)
     residuals = np.where(found.used[:, None], -found.residuals, np.nan)
-    count = int(np.isfinite(residuals).all(axis=1).sum())
-    if count < _FEWEST:
-        raise InputError(
-            f"{count} fitted rows are too few for a slow bias; {_FEWEST} are needed at least"
-        )
+    _refuse_few(residuals, "fitted")
     size = max(float(np.sqrt(np.nanmean(residuals**2))), np.finfo(float).tiny)
     usual = float(np.median(gaps[~starts])) if (~starts).any() else 1.0
 
@@ -129,10 +125,14 @@ def check_order(data: Measured, robot: Robot) -> None:
     """Refuse rows that are not in the order of measurement, or too few for a slow bias."""
     commands = observations.commands(data, robot)
     _gaps(commands, None)
-    count = int(np.isfinite(observations.tips(data, len(commands))).all(axis=1).sum())
+    _refuse_few(observations.tips(data, len(commands)), "measured")
+
+
+def _refuse_few(points: Floats, what: str) -> None:
+    count = int(np.isfinite(points).all(axis=1).sum())
     if count < _FEWEST:
         raise InputError(
-            f"{count} measured rows are too few for a slow bias; {_FEWEST} are needed at least"
+            f"{count} {what} rows are too few for a slow bias; {_FEWEST} are needed at least"
         )
 
 

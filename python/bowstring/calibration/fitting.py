@@ -419,20 +419,14 @@ def fit(
     1981, 7.6), with any errors within a row, and independent rows. The estimates weight all points
     of a row alike. With priors they are those of the posterior, theory Eqs 7.3 to 7.5.
     """
-    check_robot(robot)
-    if isinstance(model, str) and model != "arc":
-        raise InputError.of("model", shown(model), 'a bowstring.RodModel or "arc"')
-    rod = None if isinstance(model, str) else as_model(model)
-    if loss not in ("linear", "soft_l1", "huber"):
-        raise InputError(f'loss is {shown(loss)}, it must be "linear", "soft_l1" or "huber"')
+    rod = checked_model(robot, model, loss)
     said = dict(zip(("tool.x", "tool.y", "tool.z"), observations.tool(data).tolist(), strict=True))
     begin = {name: value for name, value in said.items() if value} | dict(start or {})
     by_tension = observations.commands(data, robot).are_tensions
     unknowns = Unknowns(robot, parameters, begin, by_tension=by_tension)
     if not unknowns.items:
         raise InputError(f"parameters is empty; name one at least, as {example_path(robot)}")
-    if rod is not None and any(name.startswith("bend_gain") for name in unknowns.names):
-        raise InputError('bend_gain belongs to constant curvature; give model="arc"')
+    refuse_bend_gain(unknowns, rod)
     commands = observations.commands(data, unknowns.robot)
     points = observations.measured_points(data, unknowns.robot, len(commands))
     _check_markers(unknowns, points)
@@ -474,6 +468,24 @@ def fit(
         fit, robot, parameters=parameters, model=model, start=start, loss=loss, priors=priors
     )
     return _result(search, found, tool_said, points, part, same)
+
+
+def checked_model(
+    robot: Robot, model: RodModel | Literal["arc"] | None, loss: Loss
+) -> RodModel | None:
+    """Check the robot, model and loss of a fit; model of the rod, None for constant curvature."""
+    check_robot(robot)
+    if isinstance(model, str) and model != "arc":
+        raise InputError.of("model", shown(model), 'a bowstring.RodModel or "arc"')
+    if loss not in ("linear", "soft_l1", "huber"):
+        raise InputError(f'loss is {shown(loss)}, it must be "linear", "soft_l1" or "huber"')
+    return None if isinstance(model, str) else as_model(model)
+
+
+def refuse_bend_gain(unknowns: Unknowns, rod: RodModel | None) -> None:
+    """Refuse a parameter of constant curvature for the rod."""
+    if rod is not None and any(name.startswith("bend_gain") for name in unknowns.names):
+        raise InputError('bend_gain belongs to constant curvature; give model="arc"')
 
 
 def _check_markers(unknowns: Unknowns, points: Points) -> None:

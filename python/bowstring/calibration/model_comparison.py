@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,9 +39,9 @@ from bowstring.calibration.observations import Score, score
 from bowstring.calibration.parameters import Unknowns, initial_of
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.priors import PriorChoice, default_priors, read_priors
-from bowstring.calibration.residual import refuse_disorder
+from bowstring.calibration.residual import model_points, refuse_disorder
 from bowstring.calibration.residual_comparison import of_arcs
-from bowstring.calibration.tip_model import Commands, TipModel
+from bowstring.calibration.tip_model import Commands
 from bowstring.data.measurements import Measurements
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
@@ -85,13 +85,7 @@ _CALLED: Final[dict[ModelName, str]] = {
     "rod_creep": "rod with creeping tendons",
     "rod_relaxation": "rod with backbone relaxation",
 }
-_OF_MEMORY: Final[dict[Memory, ModelName]] = {
-    "backlash": "rod_backlash",
-    "friction": "rod_friction",
-    "hysteresis": "rod_hysteresis",
-    "creep": "rod_creep",
-    "relaxation": "rod_relaxation",
-}
+_OF_MEMORY: Final = {memory: cast("ModelName", f"rod_{memory}") for memory in MEMORIES}
 #: Time of a model over that of the calibrated rod, about: with a memory derivatives are
 #: differences, and hysteresis, creep and relaxation begin at three values.
 _TIME: Final[dict[ModelName, float]] = {
@@ -319,8 +313,12 @@ def compare_models(
     """
     work = _Work.of(robot, data, parameters, folds, validation, progress, loss)
     candidates = _candidates(robot, parameters)
-    known = _priors(robot, parameters, priors, work.commands.are_tensions)
-    asked = [memory for memory in MEMORIES if memory in _checked(memories)]
+    whole = Unknowns(robot, parameters, by_tension=work.commands.are_tensions)
+    work.priors, work.known = priors, read_priors(priors, robot, whole)
+    for memory in [memories] if isinstance(memories, str) else memories:
+        if memory not in MEMORIES:
+            raise InputError(f"memory {shown(memory)} is unknown; memories are {listed(MEMORIES)}")
+    asked = [memory for memory in MEMORIES if memory in memories]
     if asked:
         refuse_disorder(work.commands, "a memory needs")
         if validation is not None:
@@ -331,11 +329,11 @@ def compare_models(
     models: list[JudgedModel] = []
     try:
         for each in candidates:
-            models.append(work.judge(each, known(each)))
+            models.append(work.judge(each))
         rod = models[-1]
         work.rod = rod.fitted
         for memory in asked:
-            models.append(_with_memory(work, robot, parameters, memory, rod, known))
+            models.append(_with_memory(work, parameters, memory, rod))
         work.notify("done", 1.0)
         return _compared(work, models)
     except KeyboardInterrupt:
@@ -375,13 +373,6 @@ def _held_out(model: JudgedModel, on: str) -> Floats:
 # -- models --------------------------------------------------------------------------------------
 
 
-def _checked(memories: Sequence[Memory]) -> Sequence[Memory]:
-    for name in [memories] if isinstance(memories, str) else memories:
-        if name not in MEMORIES:
-            raise InputError(f"memory {shown(name)} is unknown; memories are {listed(MEMORIES)}")
-    return memories
-
-
 def _candidates(robot: Robot, parameters: Sequence[str]) -> list[_Candidate]:
     """Models without an added memory, in the order of complexity."""
     for name in parameters:
@@ -404,46 +395,25 @@ def _candidates(robot: Robot, parameters: Sequence[str]) -> list[_Candidate]:
     ]
 
 
-def _priors(
-    robot: Robot, parameters: Sequence[str], choice: PriorChoice, by_tension: bool
-) -> Callable[[_Candidate], dict[str, float]]:
-    """Function that gives the priors of a model's parameters."""
-    given = read_priors(choice, robot, Unknowns(robot, parameters, by_tension=by_tension))
-
-    def of(model: _Candidate) -> dict[str, float]:
-        names = Unknowns(robot, model.parameters).names
-        own = given
-        if choice == "default":
-            own = default_priors(robot, names, by_tension=by_tension)
-        return {name: value for name, value in own.items() if name in names}
-
-    return of
-
-
 def _with_memory(
-    work: _Work,
-    robot: Robot,
-    parameters: Sequence[str],
-    memory: Memory,
-    rod: JudgedModel,
-    known: Callable[[_Candidate], dict[str, float]],
+    work: _Work, parameters: Sequence[str], memory: Memory, rod: JudgedModel
 ) -> JudgedModel:
     """Add a memory to the calibrated rod; a reason in place of numbers where that fails."""
     name, added = _OF_MEMORY[memory], parameters_of(memory)
-    given = Unknowns(robot, parameters)
+    given = Unknowns(work.robot, parameters)
     whole = (*given.names, *added)
     if reason := reason_against(memory, work.commands, given):
         work.total -= _TIME[name]
         return JudgedModel(name, whole, reason=reason)
     known_start = {} if rod.fit is None else _without_frames(rod.fit.values)
-    starts = tuple({**known_start, **each} for each in starts_of(memory, robot, work.commands))
+    starts = tuple({**known_start, **each} for each in starts_of(memory, work.robot, work.commands))
     candidate = _Candidate(name, whole, starts=starts, added=tuple(added))
     try:
-        found = work.judge(candidate, known(candidate))
+        found = work.judge(candidate)
         if found.residuals is not None and work.is_better(rod, found):
             limit, what = limit_of(memory)
             if limit:
-                at_once = _acting_at_once(work, candidate, found, limit, known)
+                at_once = _acting_at_once(work, candidate, found, limit)
                 if not work.is_better(at_once, found, LIMIT_ERRORS):
                     reason = f"it does no better than {what} without memory, which may be missing"
                     return JudgedModel(name, whole, found.fit, reason=reason)
@@ -453,11 +423,7 @@ def _with_memory(
 
 
 def _acting_at_once(
-    work: _Work,
-    candidate: _Candidate,
-    found: JudgedModel,
-    limit: Mapping[str, float],
-    known: Callable[[_Candidate], dict[str, float]],
+    work: _Work, candidate: _Candidate, found: JudgedModel, limit: Mapping[str, float]
 ) -> JudgedModel:
     """Judge a memory in the limit where it acts at once, as a missing elasticity does."""
     assert found.fit is not None
@@ -465,7 +431,7 @@ def _acting_at_once(
     start = {**_without_frames(found.fit.values), **limit}
     at_once = replace(candidate, parameters=left, starts=(start,), added=(), fixed=limit)
     work.total += _TIME[at_once.name]
-    return work.judge(at_once, known(at_once))
+    return work.judge(at_once)
 
 
 def _without_frames(values: Mapping[str, float]) -> dict[str, float]:
@@ -492,6 +458,8 @@ class _Work:
     total: float = 1.0  # in times of the calibrated rod
     done: float = 0.0
     rod: Score | None = None  # of the calibrated rod at the fitted rows
+    priors: PriorChoice = None
+    known: Mapping[str, float] = field(default_factory=dict)  # priors of the calibrated rod
 
     @classmethod
     def of(
@@ -524,18 +492,10 @@ class _Work:
                 argument="folds",
             )
         if validation is not None:
-            cls._check_validation(data, used, validation, robot)
+            observations.commands(validation, robot)
+            observations.check_validation(data, used, validation)
         notify = progress or (lambda what, share: None)
         return cls(robot, data, commands, used, part, int(folds), validation, notify, loss)
-
-    @staticmethod
-    def _check_validation(
-        data: Measurements, used: NDArray[np.bool_], other: Measurements, robot: Robot
-    ) -> None:
-        observations.commands(other, robot)
-        if not other.seen.any():
-            raise InputError(f"{other.name} has no measured tip to validate with")
-        observations.refuse_common_rows(data, used, other, other.seen)
 
     def is_better(
         self, simple: JudgedModel, memory: JudgedModel, errors: float = MEMORY_ERRORS
@@ -544,15 +504,19 @@ class _Work:
         found = gain(simple.errors, memory.errors, blocks_of(self.part, self.used))
         return found.exceeds(errors)
 
-    def judge(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
+    def judge(self, model: _Candidate) -> JudgedModel:
         """Fit a model to all rows and without each fold, and predict the validation table."""
         self._step(model, 0.0)
         try:
-            return self._fitted(model, priors) if model.parameters else self._stated(model)
+            return self._fitted(model) if model.parameters else self._stated(model)
         finally:
             self.done += _TIME[model.name]
 
-    def _fitted(self, model: _Candidate, priors: dict[str, float]) -> JudgedModel:
+    def _fitted(self, model: _Candidate) -> JudgedModel:
+        names, own = Unknowns(self.robot, model.parameters).names, self.known
+        if self.priors == "default":
+            own = default_priors(self.robot, names, by_tension=self.commands.are_tensions)
+        priors = {name: value for name, value in own.items() if name in names}
         kind: Literal["arc"] | None = "arc" if model.arcs else None
         options: Any = {"model": kind, "loss": self.loss, "priors": priors}
         begin = partial(fit, self.robot, self.data, model.parameters, **options)
@@ -613,10 +577,8 @@ class _Work:
 
     def _predicted(self, model: _Candidate, table: Measurements) -> Floats:
         said: dict[str, Any] = dict(zip(("tool.x", "tool.y", "tool.z"), table.tool, strict=True))
-        unknowns = Unknowns(self.robot, [], said)
-        rod = None if model.arcs else RodModel()
         commands = observations.commands(table, self.robot)
-        return TipModel(unknowns, commands, rod).predict(np.zeros(0)).point
+        return model_points(self.robot, said, commands, None if model.arcs else RodModel())
 
 
 def _best(begin: Callable[..., Fit], starts: Sequence[Mapping[str, float]]) -> Fit:

@@ -29,13 +29,14 @@ __all__ = [
     "PointScore",
     "Points",
     "Score",
+    "check_validation",
     "commands",
     "fitted_rows",
     "groups",
     "loads",
     "measured_points",
     "numbered",
-    "refuse_common_rows",
+    "read",
     "repeats_loads",
     "score",
     "sigmas",
@@ -233,10 +234,7 @@ def commands(data: Measured, robot: Robot) -> Commands:
         table = getattr(data, name, None)
         if table is None:
             continue
-        try:
-            given[name] = floats(table)
-        except TypeError:
-            raise InputError(f"{name} must be numbers of shape (K, {count})") from None
+        given[name] = read(table, f"{name} must be numbers of shape (K, {count})")
         if given[name].ndim != 2 or given[name].shape[1] != count:
             raise InputError(
                 f"{name} has shape {given[name].shape}, it must have one row for each measurement "
@@ -260,15 +258,21 @@ def commands(data: Measured, robot: Robot) -> Commands:
     return Commands(by_displacement, values, time, recording)
 
 
+def read(value: Any, rule: str) -> Floats:
+    """Convert to an array of floats; `rule` is the message for what are no numbers."""
+    try:
+        return floats(value)
+    except TypeError:
+        raise InputError(rule) from None
+
+
 def _column(data: Measured, name: str, count: int, unit: str = "") -> NDArray[Any] | None:
     """Values (K,) of an optional column, as numbers if it has a unit; None if missing."""
     given = getattr(data, name, None)
     if given is None:
         return None
-    try:
-        found = floats(given) if unit else np.asarray(given)
-    except TypeError:
-        raise InputError(f"{name} must be ({count},) numbers in {unit}") from None
+    rule = f"{name} must be ({count},) numbers in {unit}"
+    found = read(given, rule) if unit else np.asarray(given)
     if found.shape != (count,):
         what = f", in {unit}" if unit else ""
         raise InputError(f"{name} has shape {found.shape}, it must be ({count},){what}")
@@ -282,10 +286,7 @@ def tips(data: Measured, count: int) -> Floats:
         points = getattr(data, "tip", None)
     if getattr(data, "scale", 1.0) is None:
         raise InputError("points are in pixels; a fit needs them in units of length")
-    try:
-        found = floats(points)
-    except TypeError:
-        raise InputError("points must be numbers of shape (K, P, 3) in m") from None
+    found = read(points, "points must be numbers of shape (K, P, 3) in m")
     if found.ndim == 3:
         if not found.shape[1]:
             raise InputError(
@@ -422,8 +423,11 @@ def tool(data: Measured, unsaid: Floats | None = None) -> Floats:
     return np.asarray(getattr(data, "tool", none), dtype=float)
 
 
-def refuse_common_rows(data: Measurements, used: Bools, other: Measurements, judged: Bools) -> None:
-    """Refuse validation rows with the commands and the tip of a fitted row."""
+def check_validation(data: Measurements, used: Bools, other: Measurements) -> None:
+    """Refuse a validation table without a tip, or with commands and tip of a fitted row."""
+    judged = other.seen
+    if not judged.any():
+        raise InputError(f"{other.name} has no measured tip to validate with")
 
     def keys(table: Measurements) -> list[bytes]:
         columns = (np.nan_to_num(table.tensions), np.nan_to_num(table.displacements), table.tip)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.calibration import observations
-from bowstring.calibration.fitting import Estimate
+from bowstring.calibration.fitting import Estimate, checked_model, refuse_bend_gain
 from bowstring.calibration.intervals import Dependence, Uncertainty
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.pieces import Loss, influence
@@ -23,9 +23,8 @@ from bowstring.calibration.search import robust, turn_of
 from bowstring.calibration.tip_model import TipModel, rotation
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.results import Key, Result
-from bowstring.robot.model import Robot, check_robot
-from bowstring.statics.model import RodModel, as_model
-from bowstring.validation import shown
+from bowstring.robot.model import Robot
+from bowstring.statics.model import RodModel
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -128,11 +127,7 @@ def fit_orientation(
     """
     from scipy.optimize import least_squares
 
-    check_robot(robot)
-    if isinstance(model, str) and model != "arc":
-        raise InputError.of("model", shown(model), 'a bowstring.RodModel or "arc"')
-    if loss not in ("linear", "soft_l1", "huber"):
-        raise InputError(f'loss is {shown(loss)}, it must be "linear", "soft_l1" or "huber"')
+    rod = checked_model(robot, model, loss)
     if data.bend is None:
         raise InputError(f"{data.name} has no bend angles; give angles in its mapping")
     commands = observations.commands(data, robot)
@@ -140,9 +135,7 @@ def fit_orientation(
     items = unknowns.items
     if not items:
         raise InputError("parameters is empty; name one at least, as bend_gain")
-    rod = None if isinstance(model, str) else as_model(model)
-    if rod is not None and any(name.startswith("bend_gain") for name in unknowns.names):
-        raise InputError('bend_gain belongs to constant curvature; give model="arc"')
+    refuse_bend_gain(unknowns, rod)
     for name in unknowns.names:
         unknowns.refuse_without_effect(name, arcs=rod is None)
     of_tips = TipModel(unknowns, commands, rod)

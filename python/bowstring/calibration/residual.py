@@ -38,6 +38,7 @@ __all__ = [
     "Table",
     "fit_residual",
     "learn",
+    "model_points",
     "refuse_disorder",
 ]
 
@@ -58,28 +59,19 @@ _PASSES: Final = 2
 
 
 @dataclass(frozen=True)
-class Hyperparameters:
-    """Length scales and noise; infinite where an input is not used.
+class Hyperparameters(Result):
+    """Length scales of the inputs of a residual, radius of its memory, and noise."""
 
-    Attributes
-    ----------
-    commands : float
-        Length scale of the commands over their spread (`Scales`).
-    point : float
-        Length scale of the predicted point over the robot's length.
-    memory : float
-        Length scale of the memory state over its radius.
-    radius : float
-        Radius of the memory state over the robot's length.
-    noise : float
-        Variance of the noise over that of the residual.
-    """
-
-    commands: float = 1.4
-    point: float = math.inf
-    memory: float = 2.0
+    commands: Annotated[float, Key()] = 1.4
+    """Length scale of the commands over their spread; infinite if they are not used."""
+    point: Annotated[float, Key()] = math.inf
+    """Length scale of the predicted point over the robot's length; infinite if it is not used."""
+    memory: Annotated[float, Key()] = 2.0
+    """Length scale of the memory state over its radius; infinite if it is not used."""
     radius: float = 0.02
+    """Radius of the memory state over the robot's length."""
     noise: float = 0.2
+    """Variance of the noise over that of the residual."""
 
 
 #: Values that the search tries, one hyper-parameter after the other.
@@ -90,18 +82,6 @@ _TRIED: Final[dict[str, tuple[float, ...]]] = {
     "point": (0.25, 0.5, 1.0, math.inf),
     "noise": (0.05, 0.2, 0.8),
 }
-
-
-@dataclass(frozen=True)
-class LengthScales(Result):
-    """Length scales of the inputs of a residual; infinite where an input is not used."""
-
-    commands: Annotated[float, Key()]
-    """Length scale of the commands over their spread; infinite if they are not used."""
-    point: Annotated[float, Key()]
-    """Length scale of the predicted point over the robot's length; infinite if it is not used."""
-    memory: Annotated[float, Key()]
-    """Length scale of the memory state over its radius; infinite if it is not used."""
 
 
 @dataclass(frozen=True)
@@ -295,7 +275,7 @@ class Residual(Result):
             raise InputError(f"the residual was fitted to {kind} of tendon {t + 1}; give these")
         _check_order(commands, self.hyperparameters)
         self._check_tool(data)
-        point = self._model_point(commands)
+        point = model_points(self.robot, self.values, commands, self.rod)
         table = Table(commands.values, point, commands.paths)
         inputs = table.inputs(self.hyperparameters, self.scales)
         solved = np.isfinite(point).all(axis=1)
@@ -316,15 +296,10 @@ class Residual(Result):
                 "point; fit it again to rows with this tool"
             )
 
-    def _model_point(self, commands: Commands) -> Floats:
-        model = TipModel(Unknowns(self.robot, [], self.values), commands, self.rod)
-        return model.predict(np.zeros(0)).point
-
     @property
-    def length_scales(self) -> Annotated[LengthScales, Key()]:
+    def length_scales(self) -> Annotated[Hyperparameters, Key()]:
         """Length scales of the inputs."""
-        at = self.hyperparameters
-        return LengthScales(at.commands, at.point, at.memory)
+        return self.hyperparameters
 
     @property
     def memory_radius(self) -> Annotated[float | None, Key("memory_radius_mm")]:
@@ -398,8 +373,8 @@ def fit_residual(
     measured = observations.tips(data, len(commands))
     used = observations.fitted_rows(found.used_tips if rows is None else rows, measured)
     values = found.outside_robot
-    model = TipModel(Unknowns(found.robot, [], values), commands, found.rod)
-    table = Table(commands.values, model.predict(np.zeros(0)).point, commands.paths)
+    points = model_points(found.robot, values, commands, found.rod)
+    table = Table(commands.values, points, commands.paths)
     used = used & np.isfinite(table.point).all(axis=1)
     at, scales, left_out = learn(
         table, measured, found.robot, data, used, kinds[0], progress=progress
@@ -489,6 +464,13 @@ def learn(
         notify((step + 1) / steps)
     left_out = _left_out(table, measured, used, part, best, scales, MOST_ROWS)
     return best, scales, left_out
+
+
+def model_points(
+    robot: Robot, values: Mapping[str, float], commands: Commands, rod: RodModel | None
+) -> Floats:
+    """Points (K, 3) in m of a model of known values; NaN without a solution."""
+    return TipModel(Unknowns(robot, [], values), commands, rod).predict(np.zeros(0)).point
 
 
 def _left_out(

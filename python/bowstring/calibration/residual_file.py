@@ -93,7 +93,12 @@ def read_residual(path: str | Path, robot: Robot | None = None) -> Residual:
     file = Path(path)
     if file.is_dir():
         file = file / RESIDUAL
-    content = _content(file)
+    try:
+        content = read_json(file, _MOST_BYTES)
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror}") from None
+    except ValueError as error:
+        raise _none(file, error) from None
     if content.get("format") != _FORMAT:
         raise _none(file)
     if content.get("version") != _VERSION:
@@ -109,15 +114,6 @@ def read_residual(path: str | Path, robot: Robot | None = None) -> Residual:
         )
     try:
         return _residual(structured(content, _Content), robot)
-    except ValueError as error:
-        raise _none(file, error) from None
-
-
-def _content(file: Path) -> dict[str, Any]:
-    try:
-        return read_json(file, _MOST_BYTES)
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror}") from None
     except ValueError as error:
         raise _none(file, error) from None
 

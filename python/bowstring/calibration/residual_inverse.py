@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring import validation
 from bowstring.calibration.parameters import Setting, Unknowns
-from bowstring.calibration.residual import LEAST_KEPT, Corrected, Residual
+from bowstring.calibration.residual import LEAST_KEPT, Residual
 from bowstring.calibration.tip_model import rotation
 from bowstring.display import short_repr
 from bowstring.errors import InputError
@@ -143,8 +143,8 @@ def inverse_with_residual(
         )
         commands = _commands(found, setting, residual.by_displacement)
         solved = np.array(np.isfinite(commands).all(axis=1))
-        got = _corrected(residual, commands, solved)
-        shift = (got.point - setting.position) @ turn - found.tip_position
+        point, kept = _corrected(residual, commands, solved)
+        shift = (point - setting.position) @ turn - found.tip_position
         shifted = np.where(np.isfinite(shift), local - shift, target)
         moving = np.linalg.norm(shifted - target, axis=1) > 0.1 * _REACHED * robot.length
         notify((step + 1) / _MOST_STEPS)
@@ -153,11 +153,11 @@ def inverse_with_residual(
         if not moving.any() or (step >= _LEAST_STEPS and not (moving & ~out_of_reach).any()):
             break
         target = shifted
-    near = np.linalg.norm(got.point - wanted, axis=1) <= _REACHED * robot.length
+    near = np.linalg.norm(point - wanted, axis=1) <= _REACHED * robot.length
     missed = np.where(out_of_reach, "unreachable", "max_iterations")
     status = np.where(near, "reached", np.where(solved, missed, "no_equilibrium"))
     return CorrectedInverse(
-        wanted, commands, residual.by_displacement, got.point, got.kept, tuple(status.tolist())
+        wanted, commands, residual.by_displacement, point, kept, tuple(status.tolist())
     )
 
 
@@ -174,14 +174,13 @@ def _commands(found: InverseSolution, setting: Setting, by_displacement: Bools) 
     return np.where(by_displacement, moved, readings)
 
 
-def _corrected(residual: Residual, commands: Floats, solved: Bools) -> Corrected:
-    """Corrected points (K, 3) of a path of commands; NaN for rows without any."""
-    point = np.full((len(commands), 3), np.nan)
-    alone, kept = point.copy(), np.full(len(commands), np.nan)
+def _corrected(residual: Residual, commands: Floats, solved: Bools) -> tuple[Floats, Floats]:
+    """Corrected points (K, 3) of a path of commands, and `kept`; NaN for rows without any."""
+    point, kept = np.full((len(commands), 3), np.nan), np.full(len(commands), np.nan)
     if solved.any():
         got = residual.correct(_load(commands[solved], residual.by_displacement))
-        point[solved], alone[solved], kept[solved] = got.point, got.model_point, got.kept
-    return Corrected(point, alone, kept)
+        point[solved], kept[solved] = got.point, got.kept
+    return point, kept
 
 
 def _load(commands: Floats, by_displacement: Bools) -> Load:

@@ -433,7 +433,7 @@ def calibrate(
             f"{validate.name} is the table that is fitted, and validates nothing; name another"
         )
     if validate is not None:
-        observations.refuse_common_rows(data, data.seen, validate, validate.seen)
+        observations.check_validation(data, data.seen, validate)
     if check.filter and validate is not None:
         check_order(data, robot)
         check_order(validate, robot)
@@ -535,8 +535,6 @@ def _with_zeros(
 
 def _judged(found: Fit, data: Measurements) -> tuple[Score, Predicted | None]:
     """Score of a table that was not fitted, and its intervals if all parameters have one."""
-    if not data.seen.any():
-        raise InputError(f"{data.name} has no measured tip to validate with")
     interval = None
     if np.isfinite(found.standard_errors).all():
         interval = predict_with_interval(found, data)

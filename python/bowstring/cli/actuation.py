@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from bowstring.atomic_io import check_file, not_overwritten, write_whole_file
 from bowstring.cli.flags import Number, PerTendon, of_flag, tendon_count
 from bowstring.cli.groups import Group, option
-from bowstring.cli.output import say
+from bowstring.cli.output import warn
 from bowstring.errors import InputError
 
 if TYPE_CHECKING:
@@ -303,7 +303,7 @@ def _of_table(robot: Robot, table: Path, starts: Mapping[str, Commands | None]) 
     if "tensions" in actuation:
         tensions = np.nan_to_num(actuation["tensions"].values)
         if wound := wound_by_tensions(robot, tensions):
-            say("Warning", f"--table: {wound}")
+            warn(f"--table: {wound}")
     duration = float(next(iter(actuation.values())).times[-1])
     if duration < SHORTEST_STEP:
         raise InputError(f"--table: it takes {duration:g} s; {TOO_SHORT}")

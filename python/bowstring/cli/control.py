@@ -34,6 +34,8 @@ from bowstring.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from bowstring.schemas.basic import OfRobot
+    from bowstring.statics.load import Load
     from bowstring.validity.control import ControlErrors
 
 
@@ -92,23 +94,8 @@ def control(
             progress=notify,
         )
         written = figure_file(lambda: found.save(out))
-    if not as_json:
-        return write_tables(
-            _table(found), "\n".join([*found.described(), f"Figure: {written or NOT_DRAWN}"])
-        )
-    content: dict[str, Any] = {
-        **provenance_of(
-            robot,
-            gravity_m_per_s2=loads.gravity,
-            tip_force_N=loads.tip_force,
-            poses=poses,
-            corrections=corrections,
-        ),
-        **found.to_dict(),
-        "text": found.described(),
-        "file": written,
-    }
-    return write_json(content)
+    made = provenance_of(robot, **_settings(loads), poses=poses, corrections=corrections)
+    _print(found, written, made, as_json, _table(found))
 
 
 def reach(
@@ -174,18 +161,19 @@ def reach(
             if errors
             else find_reach(robot, payload_direction=payload_direction, **given)
         )
-        written, sentences = figure_file(lambda: found.save(out)), found.described()
-    if not as_json:
-        return write_tables("\n".join([*sentences, f"Figure: {written or NOT_DRAWN}"]))
-    content: dict[str, Any] = {
-        **provenance_of(
-            robot, gravity_m_per_s2=loads.gravity, tip_force_N=loads.tip_force, poses=poses
-        ),
-        **found.to_dict(),
-        "text": sentences,
-        "file": written,
-    }
-    return write_json(content)
+        written = figure_file(lambda: found.save(out))
+    _print(found, written, provenance_of(robot, **_settings(loads), poses=poses), as_json)
+
+
+def _settings(loads: Load) -> dict[str, Any]:
+    return {"gravity_m_per_s2": loads.gravity, "tip_force_N": loads.tip_force}
+
+
+def _print(found: Any, file: str | None, made: OfRobot, as_json: bool, *tables: Table) -> None:
+    text = found.described()
+    if as_json:
+        return write_json({**made, **found.to_dict(), "text": text, "file": file})
+    write_tables(*tables, "\n".join([*text, f"Figure: {file or NOT_DRAWN}"]))
 
 
 def _table(found: ControlErrors) -> Table:

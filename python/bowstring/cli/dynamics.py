@@ -184,6 +184,14 @@ _Integrator = Annotated["Integrator", Group("Time integration", _integrator)]
 _Interval = Annotated[float, Group("Outputs", _interval)]
 
 
+#: Files of a run, in the order in which messages name them.
+_CALLED: Final = {
+    "run": "run",
+    "vtk": "VTK series",
+    "animation": "animation",
+    "glb": "glTF file",
+    "rerun": "Rerun recording",
+}
 #: What a file of a run is, by its ending.
 _KINDS: Final = {
     ".nc": "run",
@@ -232,55 +240,53 @@ class _Targets:
     ) -> None:
         wanted = _by_kind(out or [])
         run = wanted.pop("run", None)
-        self.animation, self.glb = wanted.get("animation"), wanted.get("glb")
-        self.rerun, self.vtk = wanted.get("rerun"), vtk
         #: Whether anything but the run itself and its table is written.
         self.pictures = bool(wanted or vtk)
         #: The run as it goes on, or its table, which is written at its end.
         self.out: Path | None = None
         self.table: Path | None = None
-        #: Files that exist so far.
-        self.files: dict[str, Path | None] = dict.fromkeys(
-            ("run", "vtk", "animation", "glb", "rerun")
-        )
+        #: Places of the wanted files by kind, and what exists of them so far.
+        self.places: dict[str, Path] = {}
+        self.files: dict[str, Path | None] = dict.fromkeys(_CALLED)
         if run is not None and run.suffix.lower() == ".csv":
             from bowstring.dynamics.run_table import check_table
 
-            self.table = of_flag("--out", check_table, run)
+            self.places["run"] = self.table = of_flag("--out", check_table, run)
         elif run is not None:
             from bowstring.dynamics.run_file import check_file
 
-            self.out = of_flag("--out", check_file, run)
+            self.places["run"] = self.out = of_flag("--out", check_file, run)
         if vtk is not None:
             from bowstring.viz.vtk import check_folder, check_surface
 
             check_surface(robot)
-            self.vtk = of_flag("--vtk", check_folder, vtk)
-        if self.animation is not None:
+            self.places["vtk"] = of_flag("--vtk", check_folder, vtk)
+        if "animation" in wanted:
             from bowstring.viz.animation import check_length, check_picture
 
-            self.animation = of_flag("--out", check_picture, self.animation)
+            self.places["animation"] = of_flag("--out", check_picture, wanted["animation"])
             of_flag("--out", check_length, actuation.duration)
-        if self.glb is not None:
+        if "glb" in wanted:
             from bowstring.integrations.gltf import check_glb, check_solid
 
             check_solid(robot)
-            self.glb = of_flag("--out", check_glb, self.glb)
-        if self.rerun is not None:
+            self.places["glb"] = of_flag("--out", check_glb, wanted["glb"])
+        if "rerun" in wanted:
             from bowstring.integrations.rerun import check_rerun
             from bowstring.optional import load_extra
 
-            self.rerun = of_flag("--out", check_rerun, self.rerun)
+            self.places["rerun"] = of_flag("--out", check_rerun, wanted["rerun"])
             load_extra("rerun")
-        for file in (self.out or self.table, self.animation, self.glb, self.rerun):
-            if self.vtk is None or file is None:
+        series = self.places.get("vtk")
+        for file in self.places.values():
+            if series is None or file is series:
                 continue
-            if file == self.vtk or file in self.vtk.parents:
+            if file == series or file in series.parents:
                 raise InputError(
                     f"--out: {file} cannot be a file, --vtk needs a folder there; name another "
                     "place."
                 )
-            if self.vtk in file.parents:
+            if series in file.parents:
                 raise InputError(
                     f"--out: {file} lies in the folder of --vtk, which is for the series alone; "
                     "name another place."
@@ -290,54 +296,57 @@ class _Targets:
         self, run: Run, notify: Callable[[str, float], None] = lambda what, done: None
     ) -> dict[str, Path | None]:
         """Write the remaining files, unless the user stopped the run; return existing ones."""
-        files = self.files
+        files, places = self.files, self.places
         files["run"] = run.path
         if run.status == "interrupted" or len(run.time) == 0:
             return files
         if not (self.pictures or self.table):
             return files
-        share = 0.5 if self.vtk and self.animation else 1.0  # of the progress, each
+        share = 0.5 if {"vtk", "animation"} <= places.keys() else 1.0  # of the progress, each
         data = run.to_dataset()
         if self.table is not None:
             from bowstring.dynamics.run_table import write_table
 
             files["run"] = write_table(data, self.table)
-        if self.glb is not None:
+        if "glb" in places:
             from bowstring.integrations.gltf import write_glb
 
-            files["glb"] = write_glb(run.robot, data, self.glb)
-        if self.rerun is not None:
+            files["glb"] = write_glb(run.robot, data, places["glb"])
+        if "rerun" in places:
             from bowstring.integrations.rerun import write_rerun
 
-            files["rerun"] = write_rerun(run.robot, data, self.rerun)
-        if self.vtk is not None:
+            files["rerun"] = write_rerun(run.robot, data, places["rerun"])
+        if "vtk" in places:
             from bowstring.viz.vtk import write_vtk
 
             files["vtk"] = write_vtk(
-                run.robot, data, self.vtk, progress=lambda what, done: notify(what, share * done)
+                run.robot,
+                data,
+                places["vtk"],
+                progress=lambda what, done: notify(what, share * done),
             )
-        if self.animation is not None and len(run.time) > 1:
+        if "animation" in places and len(run.time) > 1:
             from bowstring.viz.animation import animate
 
             files["animation"] = animate(
                 run.robot,
                 data,
-                self.animation,
+                places["animation"],
                 progress=lambda what, done: notify(what, 1 - share + share * done),
             )
         return files
 
     def state(self, run: Run) -> tuple[str, str]:
         """Say which of the wanted files are written and which are not, each "" if none is."""
-        wanted = [
-            (str(self.out or self.table), self.out or self.table, run.path or self.files["run"]),
-            ("the VTK series", self.vtk, self.files["vtk"]),
-            ("the animation", self.animation, self.files["animation"]),
-            ("the glTF file", self.glb, self.files["glb"]),
-            ("the Rerun recording", self.rerun, self.files["rerun"]),
-        ]
-        kept = [name for name, flag, file in wanted if flag and file]
-        missing = [name for name, flag, file in wanted if flag and not file]
+        there = {**self.files, "run": run.path or self.files["run"]}
+        kept, missing = (
+            [
+                str(place) if kind == "run" else f"the {_CALLED[kind]}"
+                for kind, place in self.places.items()
+                if bool(there[kind]) is exists
+            ]
+            for exists in (True, False)
+        )
         written = f"{listed(kept)} {'is' if len(kept) == 1 else 'are'} written" if kept else ""
         left = f"{listed(missing)} {'is' if len(missing) == 1 else 'are'} not" if missing else ""
         return written, f"{left}{'' if kept else ' written'}" if left else ""
@@ -472,23 +481,17 @@ def modes(
             found = modal.modes(robot, load=load, model=rod, history=path, count=count)
     except NoSolutionError as error:
         if as_json:
-            nothing: dict[str, Any] = {
-                "status": error.status,
-                "tensions_N": plain(load.tensions),
-                "modes": [],
-                "disks": [],
-                **provenance,
-                "folder": None,
-            }
-            write_json(nothing)
+            none: dict[str, Any] = {"modes": [], "disks": [], **provenance, "folder": None}
+            write_json({"status": error.status, "tensions_N": plain(load.tensions), **none})
         raise
-    content: dict[str, Any] = {**found.to_dict(), **provenance, "folder": None}
+    content: dict[str, Any] = {**found.to_dict(), **provenance}
+    folder = None
     if out is not None:
         with progress_bar("pictures") as notify:
             from bowstring.viz.modes_folder import write_modes
 
-            written = {key: value for key, value in content.items() if key != "folder"}
-            content["folder"] = str(write_modes(found, plain(written), out, progress=notify))
+            folder = str(write_modes(found, plain(content), out, progress=notify))
+    content["folder"] = folder
     if as_json:
         return write_json(content)
     found_modes = new_table(">mode", ">frequency Hz", "kind")
@@ -497,7 +500,7 @@ def modes(
     write_tables(
         f"{robot.name}, {rod.theory}: {counted(len(found), 'mode')} about the equilibrium",
         found_modes,
-        *([f"Pictures: {content['folder']}"] if content["folder"] else []),
+        *([f"Pictures: {folder}"] if folder else []),
     )
 
 
@@ -520,20 +523,10 @@ def _run_json(run: Run, every: float, files: Mapping[str, Path | None]) -> schem
         "error_estimate": {"tip_m": run.error_estimate},
         "real_time_factor": run.real_time_factor if moved else None,
         "message": run.message,
-        "files": {
-            "run": _path(files["run"]),
-            "vtk": _path(files["vtk"]),
-            "animation": _path(files["animation"]),
-            "glb": _path(files["glb"]),
-            "rerun": _path(files["rerun"]),
-        },
+        "files": plain(files),
         **provenance_of(run.robot, **run.settings),
         "warnings": [*run.robot.warnings, *run.warnings],
     }
-
-
-def _path(file: Path | None) -> str | None:
-    return None if file is None else str(file)
 
 
 def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str]:
@@ -555,13 +548,7 @@ def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str
             name, f"{run.time[i]:.6g}", *(fixed(1e3 * value, 3) for value in run.tip_position[i])
         )
     yield table
-    labels = {
-        "run": "Run",
-        "vtk": "VTK series",
-        "animation": "Animation",
-        "glb": "glTF file",
-        "rerun": "Rerun recording",
-    }
-    lines = [f"{labels[name]}: {file}" for name, file in files.items() if file is not None]
+    labels = {kind: name.capitalize() if name.islower() else name for kind, name in _CALLED.items()}
+    lines = [f"{labels[kind]}: {file}" for kind, file in files.items() if file is not None]
     if lines:
         yield "\n".join(lines)

@@ -32,6 +32,7 @@ from bowstring.cli.output import (
     progress_bar,
     provenance_of,
     say,
+    warn,
     write_json,
     write_tables,
 )
@@ -60,38 +61,6 @@ _LONG: Final = 10.0  # s of a comparison after which the rest is estimated
 _EXACT: Final = 1e-8  # m: data without noise
 
 
-class _PriorFlags:
-    """Flags of priors, which need the kind of the commands for the unit of an offset."""
-
-    def __init__(self, robot: Robot, names: list[str], given: dict[str, str], default: bool):
-        self.robot, self.names, self.texts, self.default = robot, names, given, default
-
-    def of(self, *, by_tension: bool) -> dict[str, float] | None:
-        """Standard deviations; None without a flag."""
-        from bowstring.calibration.parameters import Unknowns
-        from bowstring.calibration.priors import default_priors, matching
-
-        if not (self.texts or self.default):
-            return None
-        example = 'offset="0.5 mm"'
-        unknowns = Unknowns(self.robot, self.names, by_tension=by_tension)
-        found = {}
-        if self.default:
-            found = default_priors(self.robot, self.names, by_tension=by_tension)
-        for name, text in self.texts.items():
-            items = of_flag("--prior", partial(matching, unknowns), name)
-            if text.strip() == "none":
-                found |= {item.name: math.inf for item in items}
-                continue
-            if si := si_of(items[0].unit):
-                value = Number(si, example, "", must_be="positive").number("--prior", text)
-            else:
-                kind = Share("a positive number", lambda share: share > 0, example, "")
-                value = kind.read("--prior", text, self.robot)
-            found |= {item.name: value for item in items}
-        return {name: value for name, value in found.items() if math.isfinite(value)}
-
-
 def _priors(
     robot: Robot,
     parameter: list[str],
@@ -109,12 +78,38 @@ def _priors(
             "--priors", help="Default priors of gains, offsets, backlash, delay and holes."
         ),
     ] = False,
-) -> _PriorFlags:
-    """Standard deviations by --prior, and the defaults with --priors."""
-    return _PriorFlags(robot, parameter, changes_of("--prior", prior, 'gain="2 %"'), priors)
+) -> Callable[[bool], dict[str, float] | None]:
+    """Make the function of standard deviations, None without a flag.
+
+    Its argument is whether all commands are tensions, which tells the unit of an offset.
+    """
+    texts = changes_of("--prior", prior, 'gain="2 %"')
+
+    def deviations(by_tension: bool) -> dict[str, float] | None:
+        from bowstring.calibration.parameters import Unknowns
+        from bowstring.calibration.priors import default_priors, matching
+
+        if not (texts or priors):
+            return None
+        example = 'offset="0.5 mm"'
+        unknowns = Unknowns(robot, parameter, by_tension=by_tension)
+        found = default_priors(robot, parameter, by_tension=by_tension) if priors else {}
+        for name, text in texts.items():
+            items = of_flag("--prior", partial(matching, unknowns), name)
+            if text.strip() == "none":
+                value = math.inf
+            elif si := si_of(items[0].unit):
+                value = Number(si, example, "", must_be="positive").number("--prior", text)
+            else:
+                kind = Share("a positive number", lambda share: share > 0, example, "")
+                value = kind.read("--prior", text, robot)
+            found |= {item.name: value for item in items}
+        return {name: value for name, value in found.items() if math.isfinite(value)}
+
+    return deviations
 
 
-_Priors = Annotated[_PriorFlags, Group("Priors", _priors)]
+_Priors = Annotated[Callable[[bool], dict[str, float] | None], Group("Priors", _priors)]
 
 
 def fit(
@@ -134,7 +129,7 @@ def fit(
             ),
         ),
     ],
-    prior_flags: _Priors,
+    deviations: _Priors,
     g: OfMasses,
     holdout: Annotated[
         float | None,
@@ -273,7 +268,7 @@ def fit(
     with progress_bar("measurements"):
         table = read(flag, measurements, part)
         other = None if validate is None else read("--validate", validate, validate)
-    priors = prior_flags.of(by_tension=bool(np.isnan(table.displacements).all()))
+    priors = deviations(bool(np.isnan(table.displacements).all()))
     origin = provenance_of(
         robot,
         measurements=measurements,
@@ -340,7 +335,7 @@ def fit(
         stopped = _stopped(error, compared)
         if stopped is None:
             raise
-        warned = [*robot.warnings, *([table.doubt] if table.doubt else [])]
+        warned = [*robot.warnings, *filter(None, [table.doubt])]
         raise Stopped(_write_stopped(stopped, origin, warned, out, as_json)) from None
     learnt = None
     if residual and found.fit.converged:
@@ -348,41 +343,35 @@ def fit(
 
         with progress_bar("residual") as notify:
             learnt = study_residual(found, robot, progress=notify)
-    doubts = [found.tendons.sentence if found.tendons.alarm else found.tendons.remark]
-    doubts = [sentence for sentence in doubts if sentence]
-    doubts += [found.broken_path] if found.broken_path else []
-    of_table = [*([table.doubt] if table.doubt else []), *found.fit.doubts]
-    for sentence in [*(of_table if as_json else []), *doubts]:  # else they are the first lines
-        say("Warning", sentence)
+    tendons = found.tendons.sentence if found.tendons.alarm else found.tendons.remark
+    doubts = list(filter(None, [tendons, found.broken_path]))
+    of_table = [*filter(None, [table.doubt]), *found.fit.doubts]
+    warn(*(of_table if as_json else ()), *doubts)  # else they are the first lines
     content: dict[str, Any] = {
         **found.to_dict(),
         **origin,
         "residual": None if learnt is None else learnt.to_dict(),
         "comparison": None if compared is None else compared.to_dict(),
         "warnings": [*robot.warnings, *of_table, *doubts],
-        "folder": None,
     }
+    written = None
     refused = out is not None and bool(found.doubts) and not force
     if out is not None and found.fit.converged and not refused:
         with progress_bar("figures") as notify:
             from bowstring.calibration.fit_folder import write_fit
 
-            written = {key: value for key, value in content.items() if key != "folder"}
-            own = None if learnt is None else learnt.residual
-            content["folder"] = str(
-                write_fit(
-                    found,
-                    plain(written),
-                    out,
-                    residual=own,
-                    comparison=compared,
-                    progress=notify,
-                )
+            written = write_fit(
+                found,
+                plain(content),
+                out,
+                residual=None if learnt is None else learnt.residual,
+                comparison=compared,
+                progress=notify,
             )
     if as_json:
-        write_json(content)
+        write_json({**content, "folder": written})
     else:
-        folder = out if content["folder"] else None
+        folder = out if written else None
         parts = [] if learnt is None else _residual_tables(learnt, folder)
         models = [] if compared is None else _comparison_tables(compared, folder)
         write_tables(*_fit_tables(found, folder), *parts, *models)
@@ -439,24 +428,18 @@ def _write_stopped(
     count = len(stopped.models)
     total = counted(count + len(stopped.unfinished), "model")
     done = f"{count} of {total} {'is' if count == 1 else 'are'} finished"
-    where = ""
-    content: dict[str, Any] = {
-        **origin,
-        **stopped.to_dict(),
-        "warnings": warnings,
-        "folder": None,
-    }
+    where, folder = "", None
+    content: dict[str, Any] = {**origin, **stopped.to_dict(), "warnings": warnings}
     if out is not None:
         from bowstring.calibration.fit_folder import write_stopped
 
-        kept = {key: value for key, value in content.items() if key != "folder"}
         try:
-            content["folder"] = str(write_stopped(stopped, plain(kept), out))
+            folder = write_stopped(stopped, plain(content), out)
             where = f"; {out} has {'it' if count == 1 else 'these'}, without a fit"
         except InputError as error:
             where = f"; they are not written: {str(error).rstrip('.')}"
     if as_json:
-        write_json(content)
+        write_json({**content, "folder": folder})
     else:
         validated = any(each.validation is not None for each in stopped.models)
         write_tables(
@@ -502,8 +485,7 @@ def _fit_orientation(
     found = fit_orientation(robot, table, parameter, model=kind, start=begin, loss=loss)
     doubts = [table.doubt, order.sentence if order.alarm else order.remark]
     doubts = [sentence for sentence in doubts if sentence]
-    for sentence in doubts:
-        say("Warning", sentence)
+    warn(*doubts)
     if as_json:
         write_json({**found.to_dict(), **origin, "warnings": [*robot.warnings, *doubts]})
     else:

@@ -28,8 +28,8 @@ from bowstring.cli.output import (
     new_table,
     progress_bar,
     provenance_of,
-    say,
     tip_line,
+    warn,
     write_json,
     write_tables,
 )
@@ -296,7 +296,7 @@ def ik(
         about = provenance_of(robot, tip_m=tip, direction=direction, **options.settings())
         return write_json({**row, "model": options.model, "segments": segments, **about})
     if found.stable is False:
-        say("Warning", "the equilibrium is unstable.")
+        warn("the equilibrium is unstable.")
     where = f"\nmisses the point by {1e3 * found.distance:.3f} mm"
     if direction is not None:
         where += f" and the direction by {math.degrees(found.direction_error):.3f} deg"
@@ -314,8 +314,7 @@ def _warn_of_rods(robot: Robot, tensions: NDArray[np.float64]) -> None:
 
     from bowstring.statics.limits import compressed_rods
 
-    for sentence in compressed_rods(robot, np.fmin.reduce(np.atleast_2d(tensions))):
-        say("Warning", sentence)
+    warn(*compressed_rods(robot, np.fmin.reduce(np.atleast_2d(tensions))))
 
 
 def _check_near(flag: str, robot: Robot, points: ArrayLike) -> None:
@@ -419,8 +418,7 @@ def _with_residual(
         raise NoSolutionError(f"{robot.name}: no equilibrium at the given positions")
     beyond = int(found.beyond.sum())
     if beyond:
-        say(
-            "Warning",
+        warn(
             f"{beyond} of {len(found.status)} positions are beyond the data of the residual; the "
             "calibrated model alone answers there.",
         )
@@ -561,8 +559,7 @@ def _path(
             drawn = save_figure(lambda: draw_path(tips.positions, models), drawing)
     steps = np.linalg.norm(np.diff(tips.positions, axis=0), axis=1)
     for row in np.flatnonzero(steps > _JUMP * robot.length)[:1]:
-        say(
-            "Warning",
+        warn(
             f"--path: row {row + 2} is {in_mm(float(steps[row]))} from the row before it; the "
             "robot jumps there.",
         )
@@ -574,15 +571,13 @@ def _path(
     changes = np.abs(np.diff(found.tensions, axis=0)).max(axis=1, initial=0.0)
     largest = float(np.nanmax(changes, initial=0.0))
     if jumps:
-        say(
-            "Warning",
+        warn(
             f"{jumps} of {len(found)} rows were found from another start than the row before them; "
             "the tensions may jump there.",
         )
     elif _jumps(changes, steps, found.tensions):
         row = int(np.nanargmax(changes)) + 1
-        say(
-            "Warning",
+        warn(
             f"a tension changes by {number_with_unit(largest, 'N')} from row {row} to row "
             f"{row + 1}, much more than elsewhere: limit the rate of the tensions there, or try "
             "--min-tension.",

@@ -20,7 +20,7 @@ import typer
 
 from bowstring import interrupts
 from bowstring.cli.groups import Command, Quiet, spread
-from bowstring.cli.output import Stopped, be_quiet, coloured, say, write
+from bowstring.cli.output import Stopped, be_quiet, coloured, say, warn, write
 from bowstring.errors import FigureWarning, InputError, NoSolutionError, StabilityWarning
 
 BAD_INPUT: Final = 2
@@ -248,7 +248,6 @@ def run(arguments: Sequence[str]) -> int:
             return STOPPED
     except (InputError, NoSolutionError) as error:
         if interrupts.pending():  # the interrupt caused the error, for example in an import
-            interrupts.acknowledge()
             code = STOPPED
         else:
             if isinstance(error, InputError):
@@ -273,7 +272,6 @@ def run(arguments: Sequence[str]) -> int:
         say("Stopped", str(stopped))
         return STOPPED
     except KeyboardInterrupt:
-        interrupts.acknowledge()
         code = STOPPED
     except BaseException as error:  # a panic of the core is a BaseException
         if isinstance(error, SystemExit):
@@ -285,9 +283,9 @@ def run(arguments: Sequence[str]) -> int:
             traceback.print_exc()
             say("Error", "this is a bug in Bowstring; please report it with the lines above.")
             return BUG
-        interrupts.acknowledge()
         code = STOPPED
     if code == STOPPED:
+        interrupts.acknowledge()
         say("Stopped", "nothing was written.")
     return code if isinstance(code, int) else 0
 
@@ -302,7 +300,7 @@ def _show_warning(
 ) -> None:
     """Show a warning; those of Bowstring without their line of code."""
     if issubclass(category, (StabilityWarning, FigureWarning)):
-        say("Warning", str(message))
+        warn(str(message))
     else:
         sys.stderr.write(warnings.formatwarning(message, category, filename, lineno, line))
 

@@ -28,7 +28,7 @@ from bowstring.cli.output import (
     figure_file,
     progress_bar,
     provenance_of,
-    say,
+    warn,
     write,
     write_json,
 )
@@ -141,16 +141,14 @@ def map_(
         axes = of_flag("--over", lambda texts: read_axes(robot, texts, loading, loads), over)
         count = math.prod(len(axis.values) for axis in axes)
         if count > _MANY and count * points <= MOST_SOLVES:
-            say(
-                "Warning",
+            warn(
                 f"{count} points are computed in memory, and a stop loses them; --store DIR keeps "
                 "what is done.",
             )
         space = space_of(robot, axes, loading, loads)
         top, reached = reach_of_ramp(space)
         if reached < top:
-            say(
-                "Warning",
+            warn(
                 f"the robot as it is is solved up to about {significant(reached)} N of "
                 f"{significant(top)} N, and loads beyond take long; give a smaller range of the "
                 "tension.",
@@ -166,11 +164,8 @@ def map_(
             load=loads,
             progress=notify,
         )
-        written, sentences = figure_file(lambda: found.save(file)), described(found)
-    if not as_json:
-        return write("\n".join([*sentences, f"Map: {written or NOT_DRAWN}"]) + "\n")
-    content: dict[str, Any] = {**made, **found.to_dict(), "text": sentences, "file": written}
-    return write_json(content)
+        written = figure_file(lambda: found.save(file))
+    _print(found.to_dict(), described(found), written, made, as_json)
 
 
 def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
@@ -181,11 +176,16 @@ def _many(job: Job, out: Path, made: OfRobot, as_json: bool) -> None:
     with progress_bar("errors") as notify:
         found: ValidityGrid = of_flag("--over", lambda one: compute_grid(one, notify), job)
         notify("figure", 0.95)
-        written, sentences = figure_file(lambda: found.save(file)), found.described()
-    if not as_json:
-        return write("\n".join([*sentences, f"Map: {written or NOT_DRAWN}"]) + "\n")
-    content: dict[str, Any] = {**made, **found.to_dict(), "text": sentences, "file": written}
-    return write_json(content)
+        written = figure_file(lambda: found.save(file))
+    _print(found.to_dict(), found.described(), written, made, as_json)
+
+
+def _print(
+    found: dict[str, Any], text: list[str], file: str | None, made: OfRobot, as_json: bool
+) -> None:
+    if as_json:
+        return write_json({**made, **found, "text": text, "file": file})
+    write("\n".join([*text, f"Map: {file or NOT_DRAWN}"]) + "\n")
 
 
 def _in_blocks(job: Job, folder: Path, out: Path, dask: str | None) -> schema.StoredValues:

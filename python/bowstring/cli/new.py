@@ -15,7 +15,7 @@ import typer
 
 from bowstring.cli import completion
 from bowstring.cli.groups import Group, option
-from bowstring.cli.output import Stopped, say, write
+from bowstring.cli.output import Stopped, warn, write
 from bowstring.errors import InputError
 from bowstring.formatting import listed
 from bowstring.units import Marker, number_with_unit, printable, quote, rounded
@@ -183,8 +183,7 @@ def new(
         path.write_text(draft.text, "utf-8")
 
     write_whole_file(place, _CONTENT, fill, check)
-    for sentence in robot.warnings:
-        say("Warning", sentence)
+    warn(*robot.warnings)
     write(_summary(robot, draft, file))
 
 

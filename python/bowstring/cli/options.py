@@ -27,7 +27,7 @@ from bowstring.cli.flags import (
     without_unit,
 )
 from bowstring.cli.groups import Flag, Group, option
-from bowstring.cli.output import figure_file, say
+from bowstring.cli.output import figure_file, warn
 from bowstring.errors import InputError
 from bowstring.units import has_no_unit, quote
 
@@ -273,8 +273,7 @@ def load(robot: RobotSource, overrides: Overrides = None) -> Robot:
             raise
         load_robot(robot)  # errors of the file itself do not name the flag
         raise InputError(f"--set: {error}") from None
-    for sentence in found.warnings:
-        say("Warning", sentence)
+    warn(*found.warnings)
     return found
 
 

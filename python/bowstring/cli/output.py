@@ -62,6 +62,12 @@ def say(kind: str, sentence: str) -> None:
     print(printable(f"{kind}: {sentence}"), file=sys.stderr)
 
 
+def warn(*sentences: str) -> None:
+    """Print warnings on stderr."""
+    for sentence in sentences:
+        say("Warning", sentence)
+
+
 def coloured(stream: TextIO) -> bool:
     """Whether styled text may be written: https://no-color.org and https://force-color.org."""
     if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":

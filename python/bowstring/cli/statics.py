@@ -34,8 +34,8 @@ from bowstring.cli.output import (
     frame,
     new_table,
     provenance_of,
-    say,
     tip_line,
+    warn,
     write,
     write_json,
     write_tables,
@@ -301,8 +301,7 @@ def solve(
         write_json(content)
     if contact is None:
         solution.raise_for_status()
-    for sentence in warnings:
-        say("Warning", sentence)
+    warn(*warnings)
     tip = solution.tip
     assert tip is not None
     if not as_json:

@@ -19,7 +19,7 @@ from bowstring.cli.options import (
     Tolerance,
     measurements_of,
 )
-from bowstring.cli.output import Stopped, progress_bar, say, write_json, write_rich
+from bowstring.cli.output import Stopped, progress_bar, warn, write_json, write_rich
 from bowstring.errors import InputError
 
 
@@ -141,8 +141,7 @@ def study(
         joint = of_flag(
             "--distributions", lambda file: read_distributions(file, robot), distributions
         )
-        for sentence in joint.warnings:
-            say("Warning", sentence)
+        warn(*joint.warnings)
     extras = Extras(
         solid, Settings(grip=grip or Settings.grip) if fe else None, joint, over, compare
     )
@@ -177,8 +176,7 @@ def study(
             f"finite elements {stopped.run.message}; the same command goes on from there."
         ) from None
     told = [*robot.warnings, *(found.measured.doubts if found.measured and not as_json else ())]
-    for sentence in found.warnings[len(told) :]:  # the others were or will be printed
-        say("Warning", sentence)
+    warn(*found.warnings[len(told) :])  # the others were or will be printed
     if as_json:
         content: dict[str, Any] = {
             **found.to_dict(),

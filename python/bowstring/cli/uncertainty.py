@@ -18,7 +18,7 @@ from bowstring.cli.options import (
     Weight,
     save_figure,
 )
-from bowstring.cli.output import NOT_DRAWN, progress_bar, provenance_of, say, write, write_json
+from bowstring.cli.output import NOT_DRAWN, progress_bar, provenance_of, warn, write, write_json
 
 
 def uncertainty(
@@ -60,8 +60,7 @@ def uncertainty(
     from bowstring.validity.spread import validity_spread
 
     joint = of_flag("--distributions", lambda file: read_distributions(file, robot), distributions)
-    for sentence in joint.warnings:
-        say("Warning", sentence)
+    warn(*joint.warnings)
     with progress_bar("samples") as notify:
         found = validity_spread(
             robot,

@@ -21,7 +21,7 @@ from bowstring.data.tables import with_point
 from bowstring.errors import InputError
 from bowstring.units import NUMBER, quote
 
-__all__ = ["DATES", "ISO", "AmbiguousDateError", "seconds_of", "times"]
+__all__ = ["DATES", "ISO", "AmbiguousDateError", "is_time", "seconds_of", "times"]
 
 Floats = NDArray[np.float64]
 
@@ -99,6 +99,14 @@ def seconds_of(cell: str, order: str = ISO) -> float:
         if zone[2]:
             shift = 60.0 * (60.0 * int(zone[2]) + int(zone[2][0] + zone[3]))
     return _midnight(date, order) + (_clock(rest) if rest else 0.0) - shift
+
+
+def is_time(cell: str) -> bool:
+    """Whether a cell has a time as `seconds_of` reads it, in some order of day and month."""
+    try:
+        return math.isfinite(seconds_of(cell))
+    except AmbiguousDateError:
+        return True
 
 
 def _iso(text: str) -> float:

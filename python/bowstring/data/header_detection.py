@@ -7,14 +7,14 @@ several tables one below the other. A table begins where rows of numbers of one 
 from __future__ import annotations
 
 import csv
-import math
 import re
 from collections import Counter
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final
 
-from bowstring.data.clock import AmbiguousDateError, seconds_of
+from bowstring.data.clock import is_time
 from bowstring.data.tables import (
     MARKS,
     Form,
@@ -23,6 +23,7 @@ from bowstring.data.tables import (
     cell_number,
     default_separator,
     is_blank,
+    is_comment,
     is_missing,
     is_name,
     is_text,
@@ -76,8 +77,11 @@ def detected(path: Path) -> list[Table]:
         for i, line in enumerate(lines)
         if is_name(title_of(line)) and (i == 0 or is_blank(lines[i - 1]))
     ]
-    blocks = [(i, _form(_until_blank(lines[i + 1 : i + 1 + _MOST_LINES]))) for i in starts]
-    found = [{**form, "block": title_of(lines[i])} for i, form in blocks if form]
+    found = []
+    for i in starts:
+        below = takewhile(lambda line: not is_blank(line), lines[i + 1 : i + 1 + _MOST_LINES])
+        if form := _form(list(below)):
+            found.append({**form, "block": title_of(lines[i])})
     titles = Counter(each["block"] for each in found)
     if len(found) < 2 or max(titles.values()) > 1 or is_sheet:
         whole = _form(lines[:_MOST_LINES])
@@ -96,17 +100,10 @@ def detected(path: Path) -> list[Table]:
     return tables
 
 
-def _until_blank(lines: Sequence[str]) -> Sequence[str]:
-    end = next((i for i, line in enumerate(lines) if is_blank(line)), len(lines))
-    return lines[:end]
-
-
 def _form(lines: Sequence[str]) -> dict[str, Any] | None:
     """Fields of the form of a table in lines, and its rate; None without rows of numbers."""
     plain = [
-        (i, line)
-        for i, line in enumerate(lines)
-        if not is_blank(line) and not line.lstrip(' \t"').startswith("#")
+        (i, line) for i, line in enumerate(lines) if not is_blank(line) and not is_comment(line)
     ]
     best: tuple[int, str, int, list[tuple[int, Cells]]] | None = None
     for mark in ("\t", ";", ",", " "):
@@ -162,16 +159,9 @@ def _cells(line: str, mark: str) -> Cells:
 
 def _values(cells: Cells) -> int:
     """Number of cells with a number, a time or what says that nothing was measured."""
-    return sum(bool(cell) and _is_value(cell) for cell in cells)
-
-
-def _is_value(cell: str) -> bool:
-    if not is_text(cell) or is_missing(cell):
-        return True
-    try:
-        return math.isfinite(seconds_of(cell))
-    except AmbiguousDateError:
-        return True
+    return sum(
+        bool(cell) and (not is_text(cell) or is_missing(cell) or is_time(cell)) for cell in cells
+    )
 
 
 def _is_data(cells: Cells) -> bool:

@@ -266,12 +266,12 @@ class Tendons(Fields):
         ]
 
 
-def _names(value: object) -> object:
-    return value if isinstance(value, list | tuple) else [value]
-
-
 #: Name of a body or marker, or a list of the names that it has one after another.
-Names = Annotated[tuple[Name, ...], BeforeValidator(_names), Field(min_length=1, max_length=1_000)]
+Names = Annotated[
+    tuple[Name, ...],
+    BeforeValidator(lambda value: value if isinstance(value, list | tuple) else [value]),
+    Field(min_length=1, max_length=1_000),
+]
 
 
 class Tip(Fields):
@@ -435,10 +435,6 @@ class Frame(Fields):
         return matrix
 
 
-def _sigma_form(value: object) -> object:
-    return value if isinstance(value, dict) else SIGMA.read(value)
-
-
 class Mapping(Fields):
     """Meaning of the columns of a table.
 
@@ -473,7 +469,10 @@ class Mapping(Fields):
     stations: tuple[float, ...] | None = None
     frame: Frame | None = None
     tool: Annotated[tuple[float, float, float], TOOL] = (0.0, 0.0, 0.0)
-    sigma: Annotated[Sigma | float | None, BeforeValidator(_sigma_form)] = None
+    sigma: Annotated[
+        Sigma | float | None,
+        BeforeValidator(lambda value: value if isinstance(value, dict) else SIGMA.read(value)),
+    ] = None
     time: Time | None = None
     group: Annotated[str | None, COLUMN] = None
     repeat: Annotated[str | None, COLUMN] = None

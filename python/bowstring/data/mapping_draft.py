@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.data.clock import DATES, ISO, AmbiguousDateError, seconds_of
+from bowstring.data.clock import DATES, ISO, AmbiguousDateError, is_time, seconds_of
 from bowstring.data.header_detection import UNITS
 from bowstring.data.tables import Form, Table, cell_number, is_name, with_point
 from bowstring.robot.model import Robot
@@ -76,18 +76,8 @@ _NO_TIP: Final = {
     *("orientation", "rotation", "rot", "quat", "quaternion", "q", "angle", "euler", "roll", "yaw"),
     *("velocity", "vel", "linear", "angular", "twist", "acc", "accel", "acceleration", "gyro"),
     *("mag", "magnetic", "force", "torque", "moment", "wrench", "error", "base", "target", "goal"),
-    *(
-        "reference",
-        "ref",
-        "desired",
-        "des",
-        "setpoint",
-        "command",
-        "commanded",
-        "cmd",
-        "covariance",
-    ),
-    *("std", "sigma", "likelihood"),
+    *("reference", "ref", "desired", "des", "setpoint", "command", "commanded", "cmd"),
+    *("covariance", "std", "sigma", "likelihood"),
 }
 _QUATERNION: Final = {
     *("q", "qw", "qx", "qy", "qz", "quat", "quaternion", "orientation", "rotation"),
@@ -96,20 +86,9 @@ _NO_COMMAND: Final = {
     *_NO_TIP
     - {"force", "target", "goal", "reference", "ref", "desired", "des", "setpoint"}
     - {"command", "commanded", "cmd", "linear"},
-    *(
-        "seq",
-        "frame",
-        "face",
-        "port",
-        "state",
-        "status",
-        "index",
-        "id",
-        "tools",
-        "markers",
-        "valid",
-    ),
-    *("quality", "temperature", "temp", "current", "voltage", "tip", "x", "y", "z", "residual"),
+    *("seq", "frame", "face", "port", "state", "status", "index", "id", "tools", "markers"),
+    *("valid", "quality", "temperature", "temp", "current", "voltage", "residual"),
+    *("tip", "x", "y", "z"),
 }
 _ANGLES: Final = {"bend": ("bend", "theta"), "direction": ("direction", "phi", "plane")}
 
@@ -790,15 +769,8 @@ def _times_in(column: _Column) -> list[str]:
     cells = [cell for cell in column.cells if cell.strip()]
     if len(column.known) or not cells:
         return []
-    found = [cell for cell in cells if _may_be_time(cell)]
+    found = list(filter(is_time, cells))
     return found if len(found) > 0.8 * len(cells) else []
-
-
-def _may_be_time(cell: str) -> bool:
-    try:
-        return math.isfinite(seconds_of(cell))
-    except AmbiguousDateError:
-        return True
 
 
 def _order(cells: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.errors import InputError
+from bowstring.errors import InputError, library_errors
 from bowstring.optional import load_extra
 from bowstring.units import quote
 
@@ -64,13 +64,8 @@ def read_columns(
         If the file cannot be read, or `like` is needed, or the extra of version 7.3.
     """
     load = _version_7_3 if data.startswith(_VERSION_7_3) else _version_7
-    try:
+    with library_errors(f"{path}: this MATLAB file cannot be read"):
         tree = load(path, data)
-    except InputError:
-        raise
-    except Exception as error:  # the libraries raise many kinds of exception on damaged files
-        text = " ".join(str(error).split())[:200]
-        raise InputError(f"{path}: this MATLAB file cannot be read: {text}") from None
     found = dict(_arrays({k: v for k, v in tree.items() if not k.startswith("__")}))
     counts = Counter(len(array) for array in found.values() if len(array) > 1)
     if like is not None and like not in found:

@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Final, TextIO, cast
@@ -402,7 +403,6 @@ class _Reader:
         self.faults: list[str] = []
         self.zero_error: dict[str, float] = {}
         self.unlisted = (0, 0)  # number of unlisted rows that were left out, and the last one
-        self.unseen = 0  # rows without a tip, which are kept
         self.comma: tuple[int, str] | None = None  # first line and column with a decimal comma
         self.point: tuple[int, str] | None = None  # with a decimal point
         self.doubled = (0, 0, "")  # rows, first of them, and column with two measured values
@@ -476,8 +476,10 @@ class _Reader:
             arrays = {name: array[good] for name, array in arrays.items()}
         if not len(arrays["line"]):
             raise self.nothing()
-        if self.layout.points:
-            self.note_unseen(arrays["line"], arrays.pop("unseen"))
+        lines = arrays["line"]
+        unseen = arrays.pop("unseen", np.zeros(len(lines), bool))
+        text = "no tip was measured: the row leads the path, and counts in no number"
+        self.note_rows(lines[unseen], lambda k: text, int(lines[-1]), "have no measured tip")
         self.issues += self.table.notes
         if self.comma is not None:
             if self.point is not None:
@@ -505,10 +507,7 @@ class _Reader:
             count, last = self.unlisted
             rows = "one more row is" if count == 1 else f"{count} more rows are"
             self.issues.append((last, f"{rows} left out up to here, not listed"))
-        if self.unseen > _MOST_ISSUES:
-            more = self.unseen - _MOST_ISSUES
-            self.issues.append((int(arrays["line"][-1]), f"{more} more rows have no measured tip"))
-        if self.unseen == len(arrays["line"]) and "bend" not in arrays:
+        if unseen.all() and "bend" not in arrays:
             raise InputError(f"{self.table.path}: no row has a measured tip")
         if self.layout.sigma_of_all is not None:
             arrays["sigma"] = np.full(len(arrays["line"]), self.layout.sigma_of_all)
@@ -814,11 +813,11 @@ class _Reader:
         """Number of a recording, from 1, in the order of first appearance."""
         return self.recordings.setdefault(cell.strip(), len(self.recordings) + 1)
 
-    def note_unseen(self, lines: Sequence[int], unseen: NDArray[np.bool_]) -> None:
-        for i in np.flatnonzero(unseen)[: max(0, _MOST_ISSUES - self.unseen)]:
-            text = "no tip was measured: the row leads the path, and counts in no number"
-            self.issues.append((lines[i], text))
-        self.unseen += int(unseen.sum())
+    def note_rows(self, lines: Ints, text: Callable[[int], str], last: int, more: str) -> None:
+        """List the first of some rows by a text for each; line `last` has the number of others."""
+        self.issues += [(line, text(k)) for k, line in enumerate(lines[:_MOST_ISSUES].tolist())]
+        if len(lines) > _MOST_ISSUES:
+            self.issues.append((last, f"{len(lines) - _MOST_ISSUES} more rows {more}"))
 
     def is_whole(self, row: Row) -> bool:
         """Whether a row has a cell for each column and fulfils `keep`."""
@@ -831,11 +830,10 @@ class _Reader:
             return False
         if self.layout.keep is not None:
             column, wanted = self.layout.keep
-            if not _same(cells[column.index], wanted):
+            cell = cells[column.index]
+            if cell.strip() != wanted and cell_number(cell) != cell_number(wanted):  # 1 is 1.0
                 self.filtered += 1
-                self.leave_out(
-                    line, f"{column.name} is {quote(cells[column.index])}, not {quote(wanted)}"
-                )
+                self.leave_out(line, f"{column.name} is {quote(cell)}, not {quote(wanted)}")
                 return False
         return True
 
@@ -958,12 +956,14 @@ class _Reader:
         _, first, place = np.unique(keys, return_index=True, return_inverse=True)
         first_of = first[place]
         again = np.flatnonzero(first_of != np.arange(len(keys)))
-        for i in again[:_MOST_ISSUES]:
-            text = f"the same, cell by cell, as line {lines[first_of[i]]}; it is kept"
-            self.issues.append((int(lines[i]), text))
-        if len(again) > _MOST_ISSUES:
-            text = f"{len(again) - _MOST_ISSUES} more rows repeat earlier ones; they are kept"
-            self.issues.append((int(lines[again[-1]]), text))
+        if len(again):
+            first_lines, last = lines[first_of[again]], int(lines[again[-1]])
+            self.note_rows(
+                lines[again],
+                lambda k: f"the same, cell by cell, as line {first_lines[k]}; it is kept",
+                last,
+                "repeat earlier ones; they are kept",
+            )
 
 
 def _first(
@@ -1006,11 +1006,6 @@ def _part(values: Floats, column: Column) -> Floats:
     if column.part == "positive":
         return np.maximum(values, 0.0)
     return np.maximum(-values, 0.0) if column.part == "negative" else np.asarray(values)
-
-
-def _same(cell: str, wanted: str) -> bool:
-    """Whether a cell equals a value as text or as a number: 1 and 1.0 are equal."""
-    return cell.strip() == wanted or cell_number(cell) == cell_number(wanted)
 
 
 def _reason(column: Column, cell: str, value: float, kind: str) -> str:
@@ -1077,10 +1072,7 @@ def write_measurements(
         written.
     """
     path = Path(path)
-
-    def fill(new: Path) -> None:
-        fill_table(new, measurements, comments)
-
+    fill = partial(fill_table, m=measurements, comments=comments)
     write_whole_file(path, "table", fill, lambda: _check_table(path))
     return path
 

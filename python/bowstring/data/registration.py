@@ -35,7 +35,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import plain
 from bowstring.significance import MIRROR, chi_square_p, variance_ratio_limit
-from bowstring.validation import floats, instance, number, numbers, shown, truth, vectors
+from bowstring.validation import floats, instance, number, numbers, read, shown, truth, vectors
 
 __all__ = [
     "Registration",
@@ -48,16 +48,10 @@ __all__ = [
 Array = NDArray[np.float64]
 Kind = Literal["known", "fiducials", "model"]
 
-PARAMETERS: Final = (
-    "rotation_x_rad",
-    "rotation_y_rad",
-    "rotation_z_rad",
-    "shift_x_m",
-    "shift_y_m",
-    "shift_z_m",
-    "offset_x_m",
-    "offset_y_m",
-    "offset_z_m",
+PARAMETERS: Final = tuple(
+    f"{name}_{axis}_{unit}"
+    for name, unit in (("rotation", "rad"), ("shift", "m"), ("offset", "m"))
+    for axis in "xyz"
 )
 """Parameters of a fit in the order of its covariance; the first six without an offset."""
 
@@ -833,10 +827,7 @@ def _finite_points(name: str, value: ArrayLike) -> Array:
 
 
 def _rotations(value: ArrayLike, count: int) -> Array:
-    try:
-        found = floats(value)
-    except TypeError:
-        raise InputError(f"rotations is {shown(value)}, it must be numbers") from None
+    found = read("rotations", value, "numbers")
     if found.shape != (count, 3, 3):
         raise InputError(f"rotations has shape {found.shape}, it must be {(count, 3, 3)}")
     off = np.abs(found @ np.swapaxes(found, 1, 2) - np.eye(3)).max(axis=(1, 2))

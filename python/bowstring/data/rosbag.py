@@ -6,14 +6,13 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-from bowstring.errors import InputError
+from bowstring.errors import InputError, library_errors
 from bowstring.optional import load_extra
 from bowstring.units import quote
 
@@ -55,7 +54,7 @@ def topics(path: Path, data: bytes) -> list[str]:
         If the file cannot be read.
     """
     found: dict[str, bool] = {}
-    with _readable(path):
+    with library_errors(f"{path}: this bag cannot be read", kind=True):
         for topic, _, decoded in _messages(path, data, None):
             if topic not in found:
                 found[topic] = any(True for _ in _numbers(decoded, topic))
@@ -90,7 +89,7 @@ def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]
     """
     rows: list[tuple[int, int | None, Row]] = []
     names: dict[str, None] = {}
-    with _readable(path):
+    with library_errors(f"{path}: this bag cannot be read", kind=True):
         for _, logged, decoded in _messages(path, data, topic):
             row = dict(islice(_numbers(decoded, topic), _MOST_COLUMNS + 1))
             rows.append((logged, _stamp(decoded), row))
@@ -112,18 +111,6 @@ def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]
     columns |= {name: [rows[i][2].get(name, "") for i in order] for name in names}
     what = "the stamp of its header" if is_stamped else "the time at which it was recorded"
     return columns, f"time of a message of {topic} is {what}"
-
-
-@contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    """Turn any exception of the libraries into one that names the file."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:  # the libraries raise many kinds of exception on damaged files
-        text = f"{type(error).__name__} {' '.join(str(error).split())}"[:200].strip()
-        raise InputError(f"{path}: this bag cannot be read: {text}") from None
 
 
 def _messages(path: Path, data: bytes, topic: str | None) -> Iterator[tuple[str, int, Any]]:

@@ -29,6 +29,7 @@ from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, fill_tab
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
 from bowstring.json_files import Content, Triple, read_json, structured
+from bowstring.robot.fields import numbers_in
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.robot.overrides import expand_all
 from bowstring.statics import actuation, rod
@@ -641,13 +642,8 @@ def _share_of(tree: Any, path: Any, value: Any, robot: Robot) -> Any:
             f"actual: {path} is {quote(value)}; write by how much it differs, with its sign, as in "
             '"+5 %", or the value'
         )
-    here = tree
-    for key in re.sub(r"\[([0-9]+)\]", r".\1", str(path)).split("."):
-        try:
-            here = here[int(key) if isinstance(here, list) else key]
-        except (KeyError, IndexError, ValueError, TypeError):
-            here = None
-    if isinstance(here, bool) or not isinstance(here, (int, float)):
+    here = dict(numbers_in(tree)).get(re.sub(r"\[([0-9]+)\]", r".\1", str(path)))
+    if here is None:
         raise InputError(
             f"actual: {path} is {quote(value)}, but {robot.name} has no number there to take a "
             "share of; write the value"

@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from bowstring.atomic_io import readable
 from bowstring.data import matlab, motive, rosbag
-from bowstring.errors import InputError
+from bowstring.errors import InputError, library_errors
 from bowstring.optional import load_extra
 from bowstring.units import NUMBER, Text, quote, wrong
 
@@ -40,6 +40,7 @@ __all__ = [
     "cell_number",
     "default_separator",
     "is_blank",
+    "is_comment",
     "is_missing",
     "is_name",
     "is_text",
@@ -311,17 +312,8 @@ def lines_of_table(path: Path) -> tuple[list[str], bool]:
     if not data.startswith(_ZIP):
         return re.split(r"\r\n|\n|\r", data.decode(_encoding(path, data))), False
     rows = _values(path, _sheets(path, data)[0], 1, _MOST_COLUMNS)
-    lines = ("\t".join(map(_without_mark, cells)) for _, cells in islice(rows, _MOST_LINES))
-    return [line.rstrip("\t") for line in lines], True
-
-
-def _without_mark(cell: str) -> str:
-    return " ".join(cell.split())
-
-
-def _short(error: Exception) -> str:
-    """Shorten the message of a library to one line; it may quote a whole cell."""
-    return " ".join(str(error).split())[:200]
+    cells = ([" ".join(cell.split()) for cell in row] for _, row in islice(rows, _MOST_LINES))
+    return ["\t".join(row).rstrip("\t") for row in cells], True
 
 
 # -- text --------------------------------------------------------------------------------------
@@ -334,7 +326,7 @@ def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
     about: dict[str, str] = {}
     number, first = 0, ""
     for number, first in enumerate(lines, 1):
-        if number > form.skip and first.strip() and not _is_comment(first):
+        if number > form.skip and first.strip() and not is_comment(first):
             break
         if number > form.skip:
             _remember(first, about)
@@ -529,7 +521,8 @@ def _encoding(path: Path, data: bytes) -> str:
     return encoding
 
 
-def _is_comment(line: str) -> bool:
+def is_comment(line: str) -> bool:
+    """Whether a line is a comment, also in the quotes of a spreadsheet."""
     return line.lstrip(' \t"').startswith("#")
 
 
@@ -587,17 +580,13 @@ def _check_header(table: Table) -> None:
 def _sheets(path: Path, data: bytes) -> list[Any]:
     """Sheets of a workbook with its tables first, then those named "source"."""
     openpyxl = load_extra("excel")
-    _check_parts(path, data)
-
-    try:
+    with library_errors(f"{path}: the workbook cannot be unpacked"):
+        _check_parts(path, data)
+    with library_errors(f"{path}: this is no Excel workbook that can be read"):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about styles and the like
             book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         sheets = sorted(book.worksheets, key=lambda sheet: sheet.title.lower() == "source")
-    except Exception as error:  # openpyxl raises many kinds of exception on other files
-        raise InputError(
-            f"{path}: this is no Excel workbook that can be read: {_short(error)}"
-        ) from None
     if not sheets or sheets[0].title.lower() == "source":
         raise InputError(f"{path}: the workbook has no sheet with a table")
     for sheet in sheets:
@@ -636,31 +625,25 @@ def _check_parts(path: Path, data: bytes) -> None:
 
     The stated sizes are binding, because reading stops at them.
     """
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            parts = archive.infolist()
-            unpacked = sum(part.file_size for part in parts)
-            if (
-                len(data) > _MOST_SHEET_BYTES
-                or len(parts) > _MOST_PARTS
-                or unpacked > _MOST_UNPACKED
-                or any(map(_is_bloated, parts))
-            ):
-                raise InputError(
-                    f"{path}: the workbook would unpack to {unpacked / 1e6:.0f} MB in "
-                    f"{len(parts)} parts, far more than a table needs, and is not opened; save "
-                    "the table as CSV"
-                )
-            if not any(part.filename == "xl/workbook.xml" for part in parts):
-                raise InputError(f"{path}: this archive is no Excel workbook (.xlsx)")
-            for part in parts:
-                if part.filename.endswith((".xml", ".rels")):
-                    with archive.open(part) as file:
-                        _check_xml(path, file)
-    except InputError:
-        raise
-    except Exception as error:  # zipfile raises many kinds of exception, for example for a password
-        raise InputError(f"{path}: the workbook cannot be unpacked: {_short(error)}") from None
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        parts = archive.infolist()
+        unpacked = sum(part.file_size for part in parts)
+        if (
+            len(data) > _MOST_SHEET_BYTES
+            or len(parts) > _MOST_PARTS
+            or unpacked > _MOST_UNPACKED
+            or any(map(_is_bloated, parts))
+        ):
+            raise InputError(
+                f"{path}: the workbook would unpack to {unpacked / 1e6:.0f} MB in {len(parts)} "
+                "parts, far more than a table needs, and is not opened; save the table as CSV"
+            )
+        if not any(part.filename == "xl/workbook.xml" for part in parts):
+            raise InputError(f"{path}: this archive is no Excel workbook (.xlsx)")
+        for part in parts:
+            if part.filename.endswith((".xml", ".rels")):
+                with archive.open(part) as file:
+                    _check_xml(path, file)
 
 
 def _is_bloated(part: zipfile.ZipInfo) -> bool:
@@ -718,16 +701,12 @@ def _sheet_rows(path: Path, sheet: object, header: int, width: int) -> Iterator[
 
 def _values(path: Path, sheet: object, start: int, width: int) -> Iterator[Row]:
     rows = sheet.iter_rows(min_row=start, max_col=width, values_only=True)  # type: ignore[attr-defined]
-    try:
+    with library_errors(f"{path}: the sheet cannot be read"):
         for line, values in enumerate(rows, start):
             if line > _LAST_SHEET_ROW:
                 raise InputError(f"{path}: the sheet has more than {_LAST_SHEET_ROW} rows")
             cells = [_cell(value) for value in values]
             yield line, cells + [""] * (width - len(cells))
-    except Exception as error:  # damaged parts
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: the sheet cannot be read: {_short(error)}") from None
 
 
 def _cell(value: object) -> str:

@@ -134,9 +134,7 @@ class Designs:
     @cached_property
     def sections(self) -> Floats:
         """Numbers of the sections of the segments (D, 11 P S)."""
-        sections = self.arrays.sections
-        flat = sections.reshape(*sections.shape[:-3], -1)
-        return np.ascontiguousarray(np.broadcast_to(flat, (len(self), flat.shape[-1])))
+        return self._flat(self.arrays.sections, 3)
 
     @property
     def section_stiffness(self) -> Floats:
@@ -174,37 +172,24 @@ class Designs:
     def disks(self) -> Floats:
         """Station, clamped length, mass, two moments of inertia, hole length of disks (D, 6 N)."""
         disks = self.arrays.disks
-        return self._interleaved(
-            [
-                disks.station_m,
-                disks.clamped_length_m,
-                disks.mass_kg,
-                disks.inertia_kg_m2[..., 0],
-                disks.inertia_kg_m2[..., 1],
-                disks.hole_length_m,
-            ]
-        )
+        inertia = disks.inertia_kg_m2[..., 0], disks.inertia_kg_m2[..., 1]
+        parts = (disks.station_m, disks.clamped_length_m, disks.mass_kg, *inertia)
+        return self._flat(stacked([*parts, disks.hole_length_m]), 2)
 
     @cached_property
     def payloads(self) -> Floats:
         """Numbers of the payloads (D, 8 P)."""
-        numbers = self.arrays.payload_numbers
-        flat = numbers.reshape(*numbers.shape[:-2], -1)
-        return np.ascontiguousarray(np.broadcast_to(flat, (len(self), flat.shape[-1])))
+        return self._flat(self.arrays.payload_numbers, 2)
 
     @cached_property
     def holes(self) -> Floats:
         """x and y of the holes of the tendons, in base and disks (D, 2 T P)."""
-        holes = self.arrays.tendons.holes_m
-        holes = holes.reshape(*holes.shape[:-3], -1, 2)
-        return self._interleaved([holes[..., 0], holes[..., 1]])
+        return self._flat(self.arrays.tendons.holes_m, 3)
 
     @cached_property
     def lines(self) -> Floats:
         """Numbers of the lines of the tendons (D, 9 T)."""
-        lines = self.arrays.tendons.lines
-        flat = lines.reshape(*lines.shape[:-2], -1)
-        return np.ascontiguousarray(np.broadcast_to(flat, (len(self), flat.shape[-1])))
+        return self._flat(self.arrays.tendons.lines, 2)
 
     @cached_property
     def gravity(self) -> Floats:
@@ -216,11 +201,10 @@ class Designs:
         """Lengths of the straight backbones (D,), m."""
         return np.array(np.broadcast_to(np.asarray(self.arrays.length), (len(self),)))
 
-    def _interleaved(self, parts: list[Floats]) -> Floats:
-        """Numbers (D or none, n) of each part as rows (D, n parts), the parts side by side."""
-        count = parts[0].shape[-1]
-        wide = [np.broadcast_to(part, (len(self), count)) for part in parts]
-        return np.ascontiguousarray(np.stack(wide, axis=-1).reshape(len(self), -1))
+    def _flat(self, numbers: Floats, axes: int) -> Floats:
+        """Rows (D, n) of the numbers of each robot, which have some axes, and D or one before."""
+        flat = numbers.reshape(*numbers.shape[: numbers.ndim - axes], -1)
+        return np.ascontiguousarray(np.broadcast_to(flat, (len(self), flat.shape[-1])))
 
 
 def _is_position(path: str) -> bool:

@@ -8,11 +8,11 @@ from typing import Any
 from bowstring.robot.model import Robot
 from bowstring.units import Quantity
 
-__all__ = ["number_fields", "quantity_of"]
+__all__ = ["number_fields", "numbers_in", "quantity_of"]
 
 
-def number_fields(tree: Any, path: str = "") -> Iterator[tuple[str, float]]:
-    """Yield every number of a robot file except counts, with its path.
+def numbers_in(tree: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    """Yield every number of a robot file with its path.
 
     Parameters
     ----------
@@ -25,9 +25,14 @@ def number_fields(tree: Any, path: str = "") -> Iterator[tuple[str, float]]:
     for key, value in entries:
         here = f"{path}.{key}" if path else str(key)
         if isinstance(value, (dict, list)):
-            yield from number_fields(value, here)
-        elif isinstance(value, float):
+            yield from numbers_in(value, here)
+        elif isinstance(value, (int, float)) and not isinstance(value, bool):
             yield here, value
+
+
+def number_fields(tree: Any) -> Iterator[tuple[str, float]]:
+    """Yield every number of a robot file except counts, as `numbers_in` does."""
+    return ((path, value) for path, value in numbers_in(tree) if isinstance(value, float))
 
 
 def quantity_of(robot: Robot, path: str) -> Quantity | None:

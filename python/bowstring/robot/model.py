@@ -33,14 +33,6 @@ class Robot(RobotArrays):
     """Cable-driven continuum robot, checked and immutable; every number is SI.
 
     `load_robot` makes one, `with_` a changed copy.
-
-    Attributes
-    ----------
-    name, description : str
-    gravity : tuple of 3 floats
-        Gravity in the base frame in m/s^2.
-    segments : tuple of Segment
-        Segments from base to tip.
     """
 
     def __repr__(self) -> str:

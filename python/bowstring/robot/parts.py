@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import math
 from functools import cached_property
 from typing import Annotated, Any, Final
@@ -66,6 +67,19 @@ TENDON_KINDS: Final = ("tendon", "rod", "chamber")
 class Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Document the attributes in a docstring without them, by their declarations."""
+        text = inspect.cleandoc(cls.__doc__ or "")
+        if "\nAttributes\n" in text:
+            return
+        lines = [text, "", "Attributes", "----------"]
+        for name, field in cls.model_fields.items():
+            kind = inspect.formatannotation(field.annotation)
+            unit = "".join(f", {m.si}" for m in field.metadata if isinstance(m, Quantity) and m.si)
+            lines += [f"{name} : {kind}{unit}", f"    {field.description}"]
+        cls.__doc__ = "\n".join(lines)
+
 
 def _exactly_one(part: BaseModel, first: str, second: str) -> None:
     given = (getattr(part, first) is not None) + (getattr(part, second) is not None)
@@ -81,6 +95,11 @@ def _one_of(first: str, second: str) -> Any:
 _PITCH = Quantity("m", "29 mm", "0 mm", "100 m")
 _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 _SIZE = Quantity("m", "5 mm", "1 um", "10 m")
+_COMPLIANCE = Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")
+#: Largest share of the bending stiffness that slides or relaxes: the statics of a step does not
+#: converge far above it.
+_MOST_INELASTIC: Final = 0.6
+_INELASTIC = Quantity("", "0.1", "0", str(_MOST_INELASTIC))
 _EDGE: Final = 1.0 + 1e-12  # what rounding adds to the edge of a section
 
 
@@ -111,83 +130,39 @@ def _check_stiffness(backbone: Backbone) -> None:
 
 def _rest_of_section(backbone: Backbone) -> None:
     """Refuse fields of a round and of a rectangular section side by side, and parts of one."""
-    given = {
-        name: getattr(backbone, name) is not None
-        for name in ("diameter", "width", "height", "end_diameter", "end_width", "end_height")
-    }
-    given["end_inner_diameter"] = backbone.end_inner_diameter is not None
-    rectangular = given["width"] or given["height"]
-    if given["diameter"] and rectangular:
+    given = {name: getattr(backbone, name) is not None for name in Backbone.model_fields}
+    for name in ("inner_diameter", "width_direction"):
+        given[name] = bool(np.any(getattr(backbone, name)))
+    if given["diameter"] and (given["width"] or given["height"]):
         raise wrong(
             "diameter and width: both given; write diameter of a round backbone, or width and "
             "height of a rectangular one"
         )
-    if rectangular:
-        for name in ("width", "height"):
-            if not given[name]:
-                raise wrong(f"{name}: missing; a rectangular backbone needs width and height")
-        for name in ("end_diameter", "end_inner_diameter"):
+    if given["diameter"]:
+        for name in ("end_width", "end_height", "width_direction"):
             if given[name]:
-                raise wrong(f"{name}: given with width; it is for a round backbone")
-        for name in ("yield_strength", "strain_limit"):
-            if getattr(backbone, name) is not None:
-                raise wrong(f"{name}: given with width; limits are for a round backbone")
-        if np.any(backbone.inner_diameter):
-            raise wrong("inner_diameter: given with width; it is for a round backbone")
+                raise wrong(f"{name}: given with diameter; it is for a rectangular backbone")
         return
-    if not given["diameter"]:
+    if not (given["width"] or given["height"]):
         raise wrong(
             'diameter: missing; write for example "diameter: 5 mm", or width and height of a '
             "rectangular backbone"
         )
-    given["width_direction"] = bool(np.any(backbone.width_direction))
-    for name in ("end_width", "end_height", "width_direction"):
+    for name in ("width", "height"):
+        if not given[name]:
+            raise wrong(f"{name}: missing; a rectangular backbone needs width and height")
+    limits = ("yield_strength", "strain_limit")
+    for name in ("end_diameter", "end_inner_diameter", *limits, "inner_diameter"):
         if given[name]:
-            raise wrong(f"{name}: given with diameter; it is for a rectangular backbone")
-
-
-#: Largest share of the bending stiffness that slides or relaxes: the statics of a step does not
-#: converge far above it.
-_MOST_INELASTIC: Final = 0.6
+            what = "limits are" if name in limits else "it is"
+            raise wrong(f"{name}: given with width; {what} for a round backbone")
 
 
 class Backbone(Part):
     """Elastic rod in the middle of a segment: a round bar, a tube, or a rectangular bar.
 
     It is tapered where a size at the end of the segment is given: sizes then change in proportion
-    to arc length.
-
-    Attributes
-    ----------
-    diameter, inner_diameter : float
-        Outer diameter and diameter of the bore (0 for a solid rod) in m; ``diameter`` is None for
-        a rectangular backbone.
-    end_diameter, end_inner_diameter : float or None
-        The same at the segment's end; None where they do not change.
-    width, height : float or None
-        Sides of a rectangular section in m; None for a round one.
-    end_width, end_height : float or None
-        The same at the segment's end; None where they do not change.
-    width_direction : float
-        Direction of the width, angle from x in rad.
-    E, G : float
-        Young's and shear modulus in Pa; ``G`` is None where ``nu`` is given.
-    nu : float
-        Poisson's ratio; None where ``G`` is given.
-    density : float
-        Density in kg/m^3.
-    yield_strength, strain_limit : float or None
-        Largest allowed von Mises stress in Pa and strain; exceeding one gives a warning.
-    stiffness : tuple or None
-        Moments (N m) and forces (N) on a section by its curvature about x and y, twist (1/m), shear
-        along x and y, and extension, by rows of a symmetric 6x6 matrix; in place of E, G or nu, and
-        shape. ``diameter`` is then the outer one, for disks and pictures.
-    mass_per_length, rotary_inertia : float or None
-        Mass (kg/m) and mean rotary inertia about an axis of the section (kg m) per length; with
-        ``stiffness`` only.
-    rest_bend, rest_direction, rest_twist : float
-        Bend and twist of the unloaded segment from its start to its end, and the direction of that
-        bend from x, in rad.
+    to arc length. With ``stiffness``, ``diameter`` is the outer one, for disks and pictures.
     """
 
     model_config = ConfigDict(
@@ -284,7 +259,7 @@ class Backbone(Part):
         0.0, description="Twist of the unloaded segment from start to end; 0 if left out."
     )
 
-    hysteresis: Annotated[float, Quantity("", "0.1", "0", "0.6")] = Field(
+    hysteresis: Annotated[float, _INELASTIC] = Field(
         0.0,
         description="Share of the bending stiffness that slides beyond hysteresis_play; 0 if left "
         "out, elastic.",
@@ -293,16 +268,14 @@ class Backbone(Part):
         0.0,
         description="Change of the segment's bend beyond which that share slides; 0 if left out.",
     )
-    relaxation: Annotated[float, Quantity("", "0.1", "0", "0.6")] = Field(
-        0.0,
-        description="Share of the bending stiffness that relaxes with time; 0 if left out.",
+    relaxation: Annotated[float, _INELASTIC] = Field(
+        0.0, description="Share of the bending stiffness that relaxes with time; 0 if left out."
     )
     relaxation_time: Annotated[float, Quantity("s", "30 s", "1 ms", "1e9 s")] = Field(
         30.0, description="Time constant of the relaxation; 30 s if left out."
     )
-    second_relaxation: Annotated[float, Quantity("", "0.1", "0", "0.6")] = Field(
-        0.0,
-        description="Share that relaxes with another time constant; 0 if left out.",
+    second_relaxation: Annotated[float, _INELASTIC] = Field(
+        0.0, description="Share that relaxes with another time constant; 0 if left out."
     )
     second_relaxation_time: Annotated[float, Quantity("s", "300 s", "1 ms", "1e9 s")] = Field(
         300.0, description="Time constant of the second relaxation; 300 s if left out."
@@ -481,23 +454,8 @@ class Backbone(Part):
 class Disks(Part):
     """Spacer disks of a segment; the last one is its end disk.
 
-    Attributes
-    ----------
-    count : int
-        Number of evenly spaced disks; None where ``positions`` is given.
-    positions : tuple of float
-        Distances from the segment's start in m; None where ``count`` is given.
-    mass : float
-        Mass of each disk in kg, a cylinder without holes; None where ``density`` is given.
-    density : float
-        Density of the material in kg/m^3, from which mass and inertia of the drilled disk follow;
-        None where ``mass`` is given.
-    radius, thickness : float
-        Outer radius and thickness of each disk in m.
-    hole_diameter : float
-        Diameter of the tendons' holes in m; None where unknown.
-    clamped_length : float
-        Length of backbone that each disk clamps rigidly, centred on the disk, in m.
+    With ``mass`` a disk has the inertia of a cylinder without holes, with ``density`` mass and
+    inertia of the drilled disk. ``clamped_length`` is centred on the disk.
     """
 
     model_config = ConfigDict(
@@ -554,20 +512,7 @@ class Disks(Part):
 
 
 class Payload(Part):
-    """Rigid body fixed to a disk: a tool, a camera, a mass.
-
-    Attributes
-    ----------
-    disk : int or None
-        Disk of the robot, counted from 1 at the base; None for the last one, the tip.
-    mass : float
-        Mass in kg.
-    centre : tuple of float (3,)
-        Centre of mass from the centre of the disk, in the axes of the disk, in m.
-    inertia : tuple of float (3,)
-        Moments of inertia about axes through the centre of mass parallel to those of the disk, in
-        kg m^2.
-    """
+    """Rigid body fixed to a disk: a tool, a camera, a mass."""
 
     disk: Annotated[int | None, Count(MAX_DISKS, "9")] = Field(
         None, description="Disk, counted from 1 at the base; the last one if left out."
@@ -612,21 +557,18 @@ class TendonProperties(Part):
     free_length: Annotated[float, Quantity("m", "300 mm", "0 mm", "1 km")] = Field(
         0.0, description="Length of tendon from the base hole to the actuator; 0 if left out."
     )
-    compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+    compliance: Annotated[float, _COMPLIANCE] = Field(
         0.0, description="Compliance of the transmission (spool, gearbox, sheath); 0 if left out."
     )
-    creep_compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+    creep_compliance: Annotated[float, _COMPLIANCE] = Field(
         0.0,
         description="Compliance of tendon and transmission that comes with time; 0 if left out.",
     )
     creep_time: Annotated[float, Quantity("s", "30 s", "1 ms", "1e9 s")] = Field(
         30.0, description="Time constant of that compliance; 30 s if left out."
     )
-    second_creep_compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = (
-        Field(
-            0.0,
-            description="Compliance that comes with another time constant; 0 if left out.",
-        )
+    second_creep_compliance: Annotated[float, _COMPLIANCE] = Field(
+        0.0, description="Compliance that comes with another time constant; 0 if left out."
     )
     second_creep_time: Annotated[float, Quantity("s", "300 s", "1 ms", "1e9 s")] = Field(
         300.0, description="Time constant of the second creep; 300 s if left out."
@@ -649,7 +591,7 @@ class TendonProperties(Part):
         description="Difference of the radii of hole and tendon: where the backbone bends, the "
         "tendon loses displacement; 0 if left out.",
     )
-    mount_compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+    mount_compliance: Annotated[float, _COMPLIANCE] = Field(
         0.0,
         description="Displacement that the mount of the drives takes for each newton of the sum of "
         "all tensions; 0 if left out.",
@@ -726,31 +668,7 @@ class TendonProperties(Part):
 
 
 class TendonRing(TendonProperties):
-    """Tendons evenly spaced on a circle, counter-clockwise about z, all actuated alike.
-
-    Attributes
-    ----------
-    count : int
-        Number of tendons.
-    pitch_radius : float
-        Distance of the holes from the backbone's axis in m.
-    first_angle : float
-        Angle of the first tendon from x in rad.
-    axial_stiffness, free_length, compliance, friction, backlash, pretension : float
-        Values of each tendon, as in `Tendon`.
-    spool_radius, diameter, creep_compliance, creep_time : float
-        Values of each tendon, as in `Tendon`.
-    second_creep_compliance, second_creep_time, wrap_angle : float
-        Values of each tendon, as in `Tendon`.
-    hole_clearance, mount_compliance, gain, zero, decoupling, delay : float
-        Values of each tendon, as in `Tendon`.
-    material, kind : str or None
-        Material and kind of each tendon.
-    area, bending_stiffness : float or None
-        Values of each chamber or rod, as in `Tendon`.
-    turns, end_pitch_radius : float
-        Routing of each tendon, as in `Tendon`.
-    """
+    """Tendons evenly spaced on a circle, counter-clockwise about z, all actuated alike."""
 
     count: Annotated[int, Count(MAX_TENDONS, "3")] = Field(description="Number of tendons.")
     pitch_radius: Annotated[float, _PITCH] = Field(
@@ -762,65 +680,7 @@ class TendonRing(TendonProperties):
 
 
 class Tendon(TendonProperties):
-    """One tendon of a list.
-
-    Attributes
-    ----------
-    angle : float
-        Angle of the hole from x, counter-clockwise about z, in rad.
-    pitch_radius : float
-        Distance of its holes from the backbone's axis in m.
-    axial_stiffness : float or None
-        Axial stiffness E A in N; None for an inextensible tendon.
-    free_length : float
-        Elastic length between base hole and actuator in m.
-    compliance : float
-        Compliance of the transmission in m/N.
-    creep_compliance, creep_time : float
-        Compliance of tendon and transmission that comes with time in m/N, and its time constant in
-        s.
-    second_creep_compliance, second_creep_time : float
-        The same with another time constant.
-    friction : float
-        Coulomb friction coefficient at each hole.
-    wrap_angle : float
-        Angle by which the tendon turns between drive and base hole, with the same friction, in rad.
-    backlash : float
-        Half the free travel of the drive when the displacement reverses, in m.
-    hole_clearance : float
-        Difference of the radii of hole and tendon in m.
-    mount_compliance : float
-        Displacement that the mount of the drives takes by the sum of all tensions, in m/N.
-    gain : float
-        Displacement of the tendon over that commanded.
-    zero : float
-        Displacement of the tendon where 0 is commanded, in m.
-    decoupling : float
-        Share, of the displacement that inner segments take, that the drive adds.
-    delay : float
-        Time after which the drive follows a command, in s.
-    pretension : float
-        Tension in the home pose, where its displacement is zero, in N.
-    spool_radius : float or None
-        Radius of the spool in m; None without a spool, which excludes motor angles.
-    diameter : float or None
-        Diameter in m, used for the solid and for a study that assumes E A.
-    material : str or None
-        One of `TENDON_MATERIALS`, used for a study that assumes E A.
-    kind : str
-        "tendon", or "rod" or "chamber" where it pushes too.
-    area : float or None
-        Area in m^2 on which the pressure of a chamber acts.
-    bending_stiffness : float or None
-        Bending stiffness E I of a rod in N m^2, used to warn where it buckles.
-    turns : float
-        Turns about the backbone from the base to the end disk, in proportion to length.
-    end_pitch_radius : float or None
-        Pitch radius in the end disk in m, reached in proportion to length; None for `pitch_radius`.
-    angles, pitch_radii : tuple of float or None
-        Angles (rad) and pitch radii (m) of the holes in the disks, from the first to the end disk,
-        where they are given one by one; ``angle`` and ``pitch_radius`` are then those in the base.
-    """
+    """One tendon of a list."""
 
     angle: Annotated[float, _ANGLE] = Field(description="Angle from x, counter-clockwise.")
     pitch_radius: Annotated[float, _PITCH] = Field(
@@ -901,10 +761,6 @@ def tendon_field(segment: int, tendons: object, tendon: int, name: str) -> str:
     return f"segments[{segment}].tendons{'' if ring else f'[{tendon}]'}.{name}"
 
 
-def _tendon_form(value: object) -> str:
-    return "list" if isinstance(value, (list, tuple)) else "ring"
-
-
 def _disks_of_a_body(schema: dict[str, Any]) -> None:
     """A body with tendons in it needs no disks."""
     schema["required"].remove("disks")
@@ -949,7 +805,7 @@ class Segment(Part):
     tendons: Annotated[
         Annotated[TendonRing, Tag("ring")]
         | Annotated[tuple[Tendon, ...], Field(max_length=MAX_TENDONS), Tag("list")],
-        Discriminator(_tendon_form),
+        Discriminator(lambda value: "list" if isinstance(value, (list, tuple)) else "ring"),
     ]
 
     @model_validator(mode="before")

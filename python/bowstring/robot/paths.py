@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Collection, Iterator
-from typing import Any, Final
+from collections.abc import Collection
+from typing import Final
 
 from bowstring.errors import InputError
+from bowstring.robot.fields import numbers_in
 from bowstring.robot.messages import SYNONYMS
 from bowstring.robot.model import Robot
 from bowstring.robot.overrides import expand
@@ -33,18 +34,7 @@ def numbers_of(robot: Robot) -> list[tuple[str, float]]:
     list of (str, float)
         Paths such as ``segments.0.backbone.E``; a list of numbers has one for each.
     """
-    return list(_numbers(robot.model_dump(mode="json", exclude_none=True), ""))
-
-
-def _numbers(value: Any, path: str) -> Iterator[tuple[str, float]]:
-    if isinstance(value, bool | str) or value is None:
-        return
-    if isinstance(value, int | float):
-        yield path, value
-        return
-    items = value.items() if isinstance(value, dict) else enumerate(value)
-    for key, item in items:
-        yield from _numbers(item, f"{path}.{key}" if path else str(key))
+    return list(numbers_in(robot.model_dump(mode="json", exclude_none=True)))
 
 
 def full_paths(robot: Robot, path: str) -> list[str]:
