@@ -210,6 +210,10 @@ def _json_row(key: str, about: dict[str, Any], required: bool) -> list[str]:
     return [f"`{key}`", _json_kind(about), unit, text if required else f"{text} Else absent."]
 
 
+#: Bases whose members are not listed: those of libraries, and the base of results.
+_FOREIGN = ("Result", "tuple", "dict", "BaseException", "Env", "VectorEnv", "EzPickle", "BaseModel")
+
+
 class Api(SphinxDirective):
     """Public names of a module, one a line: a table of first lines, then the docstrings."""
 
@@ -228,7 +232,10 @@ class Api(SphinxDirective):
             role = "func" if kind == "function" else kind
             table.append(f"| {{py:{role}}}`~{module}.{name}` | {_cell(first)} |")
             docs += ["", "```{eval-rst}", f".. auto{kind}:: {module}.{name}"]
-            docs += ["   :members:", "   :special-members: __call__"] * (kind == "class") + ["```"]
+            if kind == "class":
+                docs += ["   :members:", f"   :inherited-members: {', '.join(_FOREIGN)}"]
+                docs += ["   :special-members: __call__"]
+            docs.append("```")
         return self.parse_text_to_nodes("\n".join([*table, *docs]))
 
 

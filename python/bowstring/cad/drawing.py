@@ -77,7 +77,7 @@ def write_drawing(robot: Robot, path: str | Path) -> Path:
         If the suffix is another one, the file cannot be written, a size is impossible (`sizes_of`)
         or the robot has more than 12 kinds of disks.
     """
-    return write_figure(lambda: draw_disks(robot), path, "drawing", _DPI, check_drawing_file)
+    return write_figure(lambda: draw_disks(robot), path, "drawing", _DPI, _SUFFIXES)
 
 
 def check_drawing(robot: Robot) -> None:

@@ -23,7 +23,6 @@ __all__ = ["check_picture_file", "draw_solid", "mesh_of", "write_picture"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_SUFFIXES: Final = (".png", ".pdf", ".svg")
 _DPI: Final = 220
 _PIXELS: Final = 1300  # pixels of the longer side
 _LETTERS: Final = 11.5  # characters of the title per inch
@@ -37,7 +36,7 @@ _SMOOTH: Final = 0.8  # least cosine between normals of one smooth surface
 
 def check_picture_file(path: str | Path) -> Path:
     """Check before any work that a picture may be written (`atomic_io.check_file`)."""
-    return check_figure_file(path, "picture", _SUFFIXES)
+    return check_figure_file(path, "picture")
 
 
 def write_picture(solid: Solid, path: str | Path) -> Path:
@@ -60,7 +59,7 @@ def write_picture(solid: Solid, path: str | Path) -> Path:
     InputError
         If the suffix is another one, or the file cannot be written.
     """
-    return write_figure(lambda: draw_solid(solid), path, "picture", _DPI, check_picture_file)
+    return write_figure(lambda: draw_solid(solid), path, "picture", _DPI)
 
 
 def draw_solid(solid: Solid, pixels: int = _PIXELS) -> Figure:

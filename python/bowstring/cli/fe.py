@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from bowstring.fem.comparison import RodComparison
     from bowstring.fem.convergence import Convergence
     from bowstring.fem.mesh import Fineness
-    from bowstring.fem.run import BrickRun, FeStatus
-    from bowstring.schemas import solids as schema
+    from bowstring.fem.run import BrickRun
 
 _STEPS = 8  # default number of loads of a sweep
 
@@ -158,7 +157,7 @@ def fe(
     from bowstring.fem.comparison import compare_with_rod
 
     comparison = compare_with_rod(run)
-    content: schema.Fe = {
+    content: dict[str, Any] = {
         **_content(run, comparison, limit),
         **provenance_of(run.robot, **run.settings),
         "folder": None,
@@ -198,13 +197,13 @@ def _rows(last: Any, loads: list[float] | None) -> Any:
     return np.outer(values / top, last)
 
 
-def _content(run: BrickRun, comparison: RodComparison, limit: Convergence | None) -> schema.FeRun:
+def _content(run: BrickRun, comparison: RodComparison, limit: Convergence | None) -> dict[str, Any]:
     import numpy as np
 
     from bowstring.fem.report import rows
 
-    content: schema.FeRun = {
-        "status": cast("FeStatus", run.status),
+    content: dict[str, Any] = {
+        "status": run.status,
         "message": run.message,
         "loads": rows(run, comparison),
         "span_error": run.span_error if run.states else None,
@@ -222,17 +221,7 @@ def _content(run: BrickRun, comparison: RodComparison, limit: Convergence | None
             "tip_position_m": limit.limit.tolist(),
             "error_mm": (1e3 * limit.error).tolist(),
             "difference_mm": (1e3 * np.linalg.norm(limit.limit - comparison.tip, axis=1)).tolist(),
-            "refinements": [
-                {
-                    "name": r.name,
-                    "of": list(r.labels),
-                    "tip_position_m": r.tips.tolist(),
-                    "order": r.order,
-                    "limit_m": r.limit.tolist(),
-                    "uncertainty_m": r.uncertainty.tolist(),
-                }
-                for r in limit.refinements
-            ],
+            "refinements": [refinement.to_dict() for refinement in limit.refinements],
         }
     return content
 

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from bowstring.inverse.solution import InverseSolution
     from bowstring.robot.model import Robot
-    from bowstring.schemas.inverse import Ik, IkPath, IkResidual
+    from bowstring.schemas.inverse import IkPath, IkResidual
     from bowstring.statics.load import Load
 
 #: Share of the robot's length within which no tip is meant.
@@ -457,7 +457,7 @@ def _arc(robot: Robot, point: list[float], free_length: bool, chord: bool, as_js
     straight = robot.disks.station_m[robot.tendons.end_disk]
     reached = miss <= 1e-6 * robot.length
     if as_json:
-        content: Ik = {
+        content: dict[str, Any] = {
             "model": "cc",
             "status": "reached" if reached else "unreachable",
             "message": "The arc meets the point."

@@ -37,7 +37,7 @@ from bowstring.formatting import significant
 
 if TYPE_CHECKING:
     from bowstring.jobs import Job
-    from bowstring.schemas import maps as schema
+    from bowstring.schemas import additions as schema
     from bowstring.schemas.basic import OfRobot
     from bowstring.validity.multi_axis_maps import ValidityGrid
 

@@ -362,14 +362,14 @@ class Figure(Flag):
 def check_figure(file: str | Path, content: str = "figure") -> Path:
     from bowstring.viz.style import check_figure_file
 
-    return check_figure_file(file, content, (".png", ".pdf", ".svg"))
+    return check_figure_file(file, content)
 
 
 def save_figure(draw: Callable[[], Any], file: Path) -> str | None:
     """Draw a figure into a file that `check_figure` allows, as `figure_file`."""
     from bowstring.viz.style import write_figure
 
-    return figure_file(lambda: write_figure(draw, file, "figure", 160, check_figure))
+    return figure_file(lambda: write_figure(draw, file, "figure"))
 
 
 def default_file(robot: Robot, what: str) -> Path:

@@ -89,14 +89,11 @@ def write_solids(
     elif kind == "unloaded":
         disks = rest_frames(robot, robot.disks.station_m)
     if as_json:
-        content: schema.Cad = {
+        content: dict[str, Any] = {
             "pose": kind,
             **_pose_json(disks),
             "parts": None if solid is None else [_part_json(part) for part in solid.parts],
-            "assumed": [
-                {"field": size.field, "value_m": size.value_m, "why": size.why}
-                for size in sizes.assumed
-            ],
+            "assumed": [size.to_dict() for size in sizes.assumed],
             "files": files,
             **provenance_of(
                 robot,

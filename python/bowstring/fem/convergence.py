@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 
 from bowstring.errors import InputError
 from bowstring.fem.run import BrickRun, Motion, Settings, ramp, sweep
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 
 __all__ = ["Convergence", "Refinement", "extrapolated", "study"]
@@ -31,21 +32,24 @@ _ALONG: Final = 4  # bricks along a module while something else is varied
 
 
 @dataclass(frozen=True)
-class Refinement:
-    """Refinement in one size: name, sizes (3,), tips (3, K, 3), limit and uncertainty (K, 3) in m.
+class Refinement(Result):
+    """Refinement of the mesh in one direction."""
 
-    ``order`` is the observed order of the transverse tip displacement at the last load; NaN if the
-    three values show none.
-    """
-
-    name: str
+    name: Annotated[str, Key()]
+    """Refined size."""
     sizes: tuple[float, ...]
-    labels: tuple[str, ...]
-    """Labels (3,) of the sizes in text, such as numbers of bricks or "5 ms"."""
-    tips: Floats
-    limit: Floats
-    uncertainty: Floats
-    order: float
+    """Sizes (3,), decreasing."""
+    labels: Annotated[tuple[str, ...], Key("of")]
+    """Meshes, coarse to fine."""
+    tips: Annotated[Floats, Key("tip_position_m")]
+    """Position of the tip by mesh and load (3, K, 3), m."""
+    order: Annotated[float, Key()]
+    """Observed order of convergence of the transverse tip displacement at the last load; NaN if
+    there is none."""
+    limit: Annotated[Floats, Key("limit_m")]
+    """Extrapolated position of the tip at each load (K, 3), m."""
+    uncertainty: Annotated[Floats, Key("uncertainty_m")]
+    """Uncertainty of the extrapolation at each load (K, 3), m."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +186,7 @@ def study(
             done += 1
         tips, (sizes, labels, *_) = np.array(rows), zip(*plan, strict=True)
         end, uncertainty, order = extrapolated(sizes, tips)
-        refinements.append(Refinement(name, sizes, labels, tips, end, uncertainty, order))
+        refinements.append(Refinement(name, sizes, labels, tips, order, end, uncertainty))
         limit = limit + (end - tips[at])
         error = error + np.linalg.norm(uncertainty, axis=1)
     return Convergence(run, tuple(refinements), limit, error)

@@ -135,14 +135,8 @@ class BrickRun:
     mesh : BrickMesh
     settings : dict
         All settings of the call.
-    time : ndarray (K,)
-        Time of a ramp in s, or number of the load of a sweep from 0.
-    tensions : ndarray (K, T)
-        Tensions of the finished steps in N.
-    wanted_time : ndarray (M,)
-        Like ``time``, for all steps of the call.
-    wanted_tensions : ndarray (M, T)
-        Like ``tensions``, for all steps of the call.
+    wanted_time, wanted_tensions : ndarray (M,), (M, T)
+        Like `time` and `tensions`, for all steps of the call.
     states : list of State
         Results of the finished steps.
     status : str

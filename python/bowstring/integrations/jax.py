@@ -7,56 +7,26 @@ through XLA's foreign function interface, on the processor (CPU).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from bowstring._core import xla_targets
 from bowstring.errors import InputError
-from bowstring.integrations.differentiable import DifferentiableSolver
-from bowstring.optional import load_extra
+from bowstring.integrations.differentiable import DifferentiableSolver, Equilibrium
 from bowstring.statics.equilibria import (
     GRAVITY,
     SECOND,
+    EquilibriumFunction,
     Input,
     columns,
     not_numbers,
     single_precision,
 )
 
-if TYPE_CHECKING:
-    from bowstring._core import RodModel
-    from bowstring.robot.model import Robot
-    from bowstring.statics.load import Load
-
 __all__ = ["Equilibrium", "Solver"]
-
-
-class Equilibrium(NamedTuple):
-    """Equilibria as JAX arrays, with the leading dimensions of the arguments; made by a `Solver`.
-
-    Where there is no equilibrium, numbers are NaN and `converged` is False.
-
-    Attributes
-    ----------
-    tip_position : jax.Array (..., 3)
-        Position of the tip in m.
-    tip_rotation : jax.Array (..., 3, 3)
-        Rotation of the tip, body to base.
-    tendon_lengths : jax.Array (..., T)
-        Lengths of the tendons from the base hole to the hole of the end disk, in m.
-    converged : jax.Array of bool (...)
-        Whether there is an equilibrium.
-    stable : jax.Array of bool (...)
-        Whether it is known to be stable, as `bowstring.Solution.stable`.
-    """
-
-    tip_position: Any
-    tip_rotation: Any
-    tendon_lengths: Any
-    converged: Any
-    stable: Any
 
 
 class Solver(DifferentiableSolver):
@@ -64,27 +34,7 @@ class Solver(DifferentiableSolver):
 
     `jax.grad`, `jax.jacfwd`, `jax.jacrev`, `jax.jvp`, `jax.vjp`, `jax.jit` and `jax.vmap` apply to
     it in any order. Under `jax.vmap` all loads are solved in one call, as by
-    `bowstring.solve_batch`. Derivatives are those of `bowstring.jacobians` and, by gravity, alike:
-    exact for the discretised robot.
-
-    Its ``robot`` and ``model`` are those that it was made with.
-
-    Parameters
-    ----------
-    robot : Robot
-        Robot with straight tendons without friction.
-    load : Load, optional
-        Constant loads: on disks, point loads, and forces per length. Its gravity, tip force and tip
-        moment are used where a call does not give them. It has no tensions.
-    model : RodModel, optional
-        As for `bowstring.solve`.
-    threads : int
-        Number of threads for a batch; 0 takes one for each core. The results do not depend on it.
-
-    Raises
-    ------
-    InputError
-        If JAX is missing, an argument is wrong, or the tendons have no derivatives.
+    `bowstring.solve_batch`. Arguments and call are those of `DifferentiableSolver`.
 
     Notes
     -----
@@ -107,54 +57,8 @@ class Solver(DifferentiableSolver):
 
     _library = "jax"
 
-    def __init__(
-        self,
-        robot: Robot,
-        *,
-        load: Load | None = None,
-        model: RodModel | None = None,
-        threads: int = 0,
-    ) -> None:
-        load_extra("jax")
-        super().__init__(robot, load, model, threads)
-        _register()
-
-    def __call__(
-        self,
-        tensions: Any,
-        *,
-        tip_force: Any = None,
-        tip_moment: Any = None,
-        gravity: Any = None,
-        stiffness: Any = None,
-    ) -> Equilibrium:
-        """Find the equilibria under loads, each from the straight robot.
-
-        Leading dimensions are those of a batch. They are broadcast against each other.
-
-        Parameters
-        ----------
-        tensions : array_like (..., T)
-            Tension of each tendon before its base hole in N, none negative.
-        tip_force, tip_moment : array_like (..., 3), optional
-            Dead loads at the tip in base axes, N and N m.
-        gravity : array_like (..., 3), optional
-            Gravity in base axes in m/s^2; that of the load or robot if left out.
-        stiffness : array_like (..., S), optional
-            Factors of all stiffnesses of each segment's backbone; 1 if left out.
-
-        Returns
-        -------
-        Equilibrium
-            NaN where there is no equilibrium, or where a number is not allowed, such as a negative
-            tension: a compiled program cannot raise an error.
-
-        Raises
-        ------
-        InputError
-            If an argument has a wrong shape or is float32, if JAX has 64-bit numbers disabled, and
-            for second derivatives.
-        """
+    @staticmethod
+    def _solve(of: EquilibriumFunction, given: Iterable[Any]) -> Iterable[Any]:
         import jax
         import jax.numpy as jnp
 
@@ -163,15 +67,12 @@ class Solver(DifferentiableSolver):
                 "Bowstring computes in float64, which JAX has disabled; call "
                 'jax.config.update("jax_enable_x64", True) at the start of the program'
             )
-        of = self._function
         arguments = of.read(
-            (tensions, gravity, tip_force, tip_moment, stiffness),
-            _array,
-            lambda array, rows: jnp.broadcast_to(array, (*rows, array.shape[-1])),
+            given, _array, lambda array, rows: jnp.broadcast_to(array, (*rows, array.shape[-1]))
         )
-        segments = of.inputs[-1].count
-        solve = _solve(of.core.key, of.threads, of.tendons, segments)
-        return Equilibrium(*solve(*arguments))
+        _register()
+        solve = _solve(of.core.key, of.threads, of.tendons, of.inputs[-1].count)
+        return tuple(solve(*arguments))
 
 
 def _array(about: Input, value: Any) -> Any:

@@ -7,13 +7,14 @@ runs on the processor (CPU).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from bowstring.errors import InputError
-from bowstring.integrations.differentiable import DifferentiableSolver
+from bowstring.integrations.differentiable import DifferentiableSolver, Equilibrium
 from bowstring.optional import load_extra
 from bowstring.statics.equilibria import (
     GRAVITY,
@@ -25,123 +26,24 @@ from bowstring.statics.equilibria import (
     single_precision,
 )
 
-if TYPE_CHECKING:
-    from bowstring._core import RodModel
-    from bowstring.robot.model import Robot
-    from bowstring.statics.load import Load
-
 __all__ = ["Equilibrium", "Solver"]
-
-
-class Equilibrium(NamedTuple):
-    """Equilibria as tensors, with the leading dimensions of the arguments; made by a `Solver`.
-
-    Where there is no equilibrium, numbers are NaN and `converged` is False.
-
-    Attributes
-    ----------
-    tip_position : torch.Tensor (..., 3)
-        Position of the tip in m.
-    tip_rotation : torch.Tensor (..., 3, 3)
-        Rotation of the tip, body to base.
-    tendon_lengths : torch.Tensor (..., T)
-        Lengths of the tendons from the base hole to the hole of the end disk, in m.
-    converged : torch.Tensor of bool (...)
-        Whether there is an equilibrium.
-    stable : torch.Tensor of bool (...)
-        Whether it is known to be stable, as `bowstring.Solution.stable`.
-    """
-
-    tip_position: Any
-    tip_rotation: Any
-    tendon_lengths: Any
-    converged: Any
-    stable: Any
 
 
 class Solver(DifferentiableSolver):
     """Statics of a robot as a differentiable function of PyTorch tensors.
 
     Reverse mode (``backward``), `torch.func.grad`, `torch.func.jacrev` and `torch.vmap` apply to
-    it. Derivatives are those of `bowstring.jacobians` and, by gravity, alike: exact for the
-    discretised robot.
-
-    Its ``robot`` and ``model`` are those that it was made with.
-
-    Parameters
-    ----------
-    robot : Robot
-        Robot with straight tendons without friction.
-    load : Load, optional
-        Constant loads: on disks, point loads, and forces per length. Its gravity, tip force and tip
-        moment are used where a call does not give them. It has no tensions.
-    model : RodModel, optional
-        As for `bowstring.solve`.
-    threads : int
-        Number of threads for a batch; 0 takes one for each core. The results do not depend on it.
-
-    Raises
-    ------
-    InputError
-        If PyTorch is missing, an argument is wrong, or the tendons have no derivatives.
+    it. Arguments and call are those of `DifferentiableSolver`.
     """
 
     _library = "torch"
 
-    def __init__(
-        self,
-        robot: Robot,
-        *,
-        load: Load | None = None,
-        model: RodModel | None = None,
-        threads: int = 0,
-    ) -> None:
-        _torch()
-        super().__init__(robot, load, model, threads)
-
-    def __call__(
-        self,
-        tensions: Any,
-        *,
-        tip_force: Any = None,
-        tip_moment: Any = None,
-        gravity: Any = None,
-        stiffness: Any = None,
-    ) -> Equilibrium:
-        """Find the equilibria under loads, each from the straight robot.
-
-        Leading dimensions are those of a batch. They are broadcast against each other.
-
-        Parameters
-        ----------
-        tensions : array_like (..., T)
-            Tension of each tendon before its base hole in N, none negative.
-        tip_force, tip_moment : array_like (..., 3), optional
-            Dead loads at the tip in base axes, N and N m.
-        gravity : array_like (..., 3), optional
-            Gravity in base axes in m/s^2; that of the load or robot if left out.
-        stiffness : array_like (..., S), optional
-            Factors of all stiffnesses of each segment's backbone; 1 if left out.
-
-        Returns
-        -------
-        Equilibrium
-            NaN where there is no equilibrium, or where a number is not allowed, such as a negative
-            tension.
-
-        Raises
-        ------
-        InputError
-            If an argument has a wrong shape, is not float64 or not on the CPU, and for second
-            derivatives.
-        """
-        of = self._function
+    @staticmethod
+    def _solve(of: EquilibriumFunction, given: Iterable[Any]) -> Iterable[Any]:
         arguments = of.read(
-            (tensions, gravity, tip_force, tip_moment, stiffness),
-            _tensor,
-            lambda tensor, rows: tensor.expand((*rows, tensor.shape[-1])),
+            given, _tensor, lambda tensor, rows: tensor.expand((*rows, tensor.shape[-1]))
         )
-        return Equilibrium(*_solve().apply(of, *arguments))
+        return tuple(_solve().apply(of, *arguments))
 
 
 @cache

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from bowstring.constant_curvature import RobotArcs
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
-from bowstring.formatting import in_mm, listed, plain, significant
+from bowstring.formatting import in_mm, listed, significant
+from bowstring.results import Key, Result
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch, sweep
@@ -24,11 +25,66 @@ if TYPE_CHECKING:
 
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-    from bowstring.schemas import inverse as schema
+    from bowstring.schemas import basic as schema
 
-__all__ = ["InverseSolution"]
+__all__ = ["InverseRow", "InverseSolution", "InverseStatus"]
 
 Floats = NDArray[np.float64]
+InverseStatus = Literal["reached", "unreachable", "max_iterations", "no_equilibrium"]
+
+
+@dataclass(frozen=True)
+class BindingLimit(Result):
+    """Limit that keeps the tip from the wanted position."""
+
+    tendon: Annotated[int, Key()]
+    """Tendon, from 1."""
+    limit: Annotated[Literal["least", "largest"], Key()]
+    """Which of its limits."""
+    of: Annotated[Literal["tension", "displacement"], Key()]
+    """Limited quantity."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InverseRow(Result):
+    """Result of `InverseSolution.to_dict` for one position."""
+
+    status: Annotated[InverseStatus, Key()]
+    """``reached``, or why not: ``unreachable``, the tip is the nearest found; ``max_iterations``;
+    ``no_equilibrium``."""
+    message: Annotated[str, Key()]
+    """Status as a sentence."""
+    stable: Annotated[bool | None, Key()]
+    """Whether the equilibrium is stable; None by constant curvature."""
+    iterations: Annotated[int, Key()]
+    """Number of iterations of all starts."""
+    restarted: Annotated[bool, Key()]
+    """Whether a row of a path was found from another start than the previous row."""
+    elements: Annotated[int, Key()]
+    """Elements between two disks; 0 by constant curvature."""
+    position: Annotated[Floats, Key("position_m")]
+    """Wanted position of the tip (3,), m."""
+    direction: Annotated[Floats | None, Key()]
+    """Wanted direction of the tangent at the tip (3,); None without one."""
+    distance: Annotated[float, Key("distance_m")]
+    """Distance from the tip to the wanted position, m; NaN without an equilibrium."""
+    nearest_distance: Annotated[float, Key("nearest_distance_m")]
+    """Distance from the nearest tip that was found, perhaps with larger tensions, m; NaN without an
+    equilibrium."""
+    direction_error: Annotated[float, Key("direction_error_rad")]
+    """Angle between the tangent at the tip and the wanted direction, rad; NaN without one."""
+    tip: Annotated[schema.Pose | None, Key()]
+    """Tip by the model; None without an equilibrium."""
+    tensions: Annotated[Floats, Key("tensions_N")]
+    """Tension of each tendon (T,), N; NaN without an equilibrium."""
+    displacements: Annotated[Floats | None, Key("displacements_m")]
+    """Displacement of each tendon (T,), m, NaN without an equilibrium; None without a home pose."""
+    tendon_lengths: Annotated[Floats, Key("tendon_lengths_m")]
+    """Length of each tendon (T,), m; NaN without an equilibrium."""
+    binding: Annotated[list[BindingLimit], Key()]
+    """Limits that keep the tip from the wanted position."""
+    tip_error: Annotated[float, Key("tip_error_m")]
+    """Estimated discretisation error of the tip, m; NaN by constant curvature."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -316,7 +372,7 @@ class InverseSolution:
             )
         return self
 
-    def to_dict(self) -> schema.InverseRow | schema.InverseRows:
+    def to_dict(self) -> dict[str, Any]:
         """Return plain values with units in the names, ready for `json.dumps`.
 
         Returns
@@ -328,50 +384,42 @@ class InverseSolution:
         """
         displacements = self.displacements()
         if self.position.ndim == 1:
-            return self._row(None, displacements)
-        rows = [self._row(k, displacements) for k in range(len(self))]
+            return self._row(None, displacements).to_dict()
+        rows = [self._row(k, displacements).to_dict() for k in range(len(self))]
         return {"count": len(self), "reached": int(self.reached.sum()), "rows": rows}
 
-    def _row(self, row: int | None, displacements: Floats | None) -> schema.InverseRow:
+    def _row(self, row: int | None, displacements: Floats | None) -> InverseRow:
         at: Any = ... if row is None else row
-        failed = (self.status if row is None else self.status[row]) == "no_equilibrium"
 
         def value(name: str) -> Any:
             found = getattr(self, name)
-            return plain(found if row is None else found[row])
+            return found if row is None else found[row]
 
-        binding = self.binding[at]
-        return {
-            "status": value("status"),
-            "message": self.message(row),
-            "stable": value("stable"),
-            "iterations": value("iterations"),
-            "restarted": value("restarted"),
-            "elements": value("elements"),
-            "position_m": plain(self.position[at]),
-            "direction": None if self.direction is None else plain(self.direction[at]),
-            "distance_m": value("distance"),
-            "nearest_distance_m": value("nearest_distance"),
-            "direction_error_rad": value("direction_error"),
-            "tip": None
-            if failed
-            else {
-                "position_m": plain(self.tip_position[at]),
-                "rotation": plain(self.tip_rotation[at]),
-            },
-            "tensions_N": plain(self.tensions[at]),
-            "displacements_m": None if displacements is None else plain(displacements[at]),
-            "tendon_lengths_m": plain(self.tendon_lengths[at]),
-            "binding": [
-                {
-                    "tendon": int(i) + 1,
-                    "limit": "least" if binding[i] < 0 else "largest",
-                    "of": "tension" if abs(binding[i]) == 1 else "displacement",
-                }
-                for i in np.flatnonzero(binding)
-            ],
-            "tip_error_m": value("tip_error"),
+        tip: schema.Pose = {
+            "position_m": self.tip_position[at].tolist(),
+            "rotation": self.tip_rotation[at].tolist(),
         }
+        shared = ("stable", "iterations", "restarted", "elements", "distance", "nearest_distance")
+        return InverseRow(
+            status=value("status"),
+            message=self.message(row),
+            **{name: value(name) for name in (*shared, "direction_error", "tip_error")},
+            position=self.position[at],
+            direction=None if self.direction is None else self.direction[at],
+            tip=None if value("status") == "no_equilibrium" else tip,
+            tensions=self.tensions[at],
+            displacements=None if displacements is None else displacements[at],
+            tendon_lengths=self.tendon_lengths[at],
+            binding=[
+                BindingLimit(
+                    int(i) + 1,
+                    "least" if limit < 0 else "largest",
+                    "tension" if abs(limit) == 1 else "displacement",
+                )
+                for i, limit in enumerate(self.binding[at])
+                if limit
+            ],
+        )
 
 
 def _without(landed: Sweep, failed: NDArray[np.bool_]) -> Sweep:

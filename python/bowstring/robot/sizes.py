@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
+from bowstring.results import Key, Result
 from bowstring.robot.disk import room_for_holes
 from bowstring.robot.model import Robot, check_round
 from bowstring.robot.parts import TendonRing, tendon_field
@@ -26,14 +27,15 @@ _BASE_RADIUS, _BASE_THICKNESS = 1.25, 2.0  # times those of the first disk
 
 
 @dataclass(frozen=True)
-class Assumed:
-    """Size that the robot file leaves out: its field, assumed value in m, and reason."""
+class Assumed(Result):
+    """A size that the robot file does not give."""
 
-    field: str
-    value_m: float
-    """Assumed value, m."""
-    why: str
-    """How the value is chosen, in words."""
+    field: Annotated[str, Key()]
+    """Field."""
+    value_m: Annotated[float, Key()]
+    """Assumed value."""
+    why: Annotated[str, Key()]
+    """Reason for the value."""
 
     def __str__(self) -> str:
         return f"{self.field} = {number_with_unit(self.value_m, 'm')}, {self.why}"

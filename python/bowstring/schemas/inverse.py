@@ -4,88 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from bowstring.inverse.solution import InverseRow, InverseStatus
 from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, VectorOrNull, about
+from bowstring.schemas.results import beside
 from bowstring.schemas.statics import Arc
 
 __all__ = [
-    "BindingLimit",
     "ControlDistance",
     "Ik",
     "IkPath",
     "IkResidual",
-    "InverseRow",
-    "InverseRows",
 ]
 
-InverseStatus = Literal["reached", "unreachable", "max_iterations", "no_equilibrium"]
 
-
-class BindingLimit(Object):
-    """Limit that keeps the tip from the wanted position."""
-
-    tendon: Annotated[int, about("Tendon, from 1.")]
-    limit: Annotated[Literal["least", "largest"], about("Which of its limits.")]
-    of: Annotated[Literal["tension", "displacement"], about("Limited quantity.")]
-
-
-class _Inverse(Object):
-    """Keys of all inverses."""
-
-    status: Annotated[
-        InverseStatus,
-        about(
-            "`reached`, or why not: `unreachable`, the tip is the nearest found; `max_iterations`; "
-            "`no_equilibrium`."
-        ),
-    ]
-    message: Annotated[str, about("Status as a sentence.")]
-    stable: Annotated[
-        bool | None,
-        about("Whether the equilibrium is stable; `null` by constant curvature."),
-    ]
-    iterations: Annotated[int, about("Number of iterations of all starts.")]
-    restarted: Annotated[
-        bool, about("Whether a row of a path was found from another start than the previous row.")
-    ]
-    elements: Annotated[int, about("Elements between two disks; 0 by constant curvature.")]
-    position_m: Annotated[Vector, about("Wanted position of the tip.")]
-    direction: Annotated[
-        Vector | None, about("Wanted direction of the tangent at the tip; `null` without one.")
-    ]
-    nearest_distance_m: Annotated[
-        OrNull,
-        about("Distance from the nearest tip that was found, perhaps with larger tensions."),
-    ]
-    direction_error_rad: Annotated[
-        OrNull, about("Angle between the tangent at the tip and the wanted direction.")
-    ]
-    displacements_m: Annotated[
-        list[OrNull] | None, about("Displacement of each tendon; `null` without a home pose.")
-    ]
-    binding: Annotated[
-        list[BindingLimit], about("Limits that keep the tip from the wanted position.")
-    ]
-    tip_error_m: Annotated[OrNull, about("Estimated discretisation error of the tip.")]
-
-
-class InverseRow(_Inverse):
-    """Result of `InverseSolution.to_dict` for one position."""
-
-    distance_m: Annotated[OrNull, about("Distance from the tip to the wanted position.")]
-    tip: Annotated[Pose | None, about("Tip by the model; `null` without an equilibrium.")]
-    tensions_N: Annotated[list[OrNull], about("Tension of each tendon.")]
-    tendon_lengths_m: Annotated[list[OrNull], about("Length of each tendon.")]
-
-
-class InverseRows(Object):
-    """Result of `InverseSolution.to_dict` for n positions."""
-
-    count: Annotated[int, about("Number of positions.")]
-    reached: Annotated[int, about("Number of those that are reached.")]
-    rows: Annotated[list[InverseRow], about("All positions.")]
-
-
-class Ik(_Inverse, OfRobot):
+@beside(InverseRow)
+class Ik(OfRobot):
     """Output of `bowstring ik`."""
 
     model: Annotated[Literal["cc", "physics"], about("Constant curvature or physics.")]

@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 
 from typing_extensions import NotRequired
 
+from bowstring.fem.convergence import Refinement
 from bowstring.fem.run import FeStatus
+from bowstring.robot.sizes import Assumed
 from bowstring.schemas.basic import InFolder, Object, OfRobot, OrNull, Pose, Vector, about
 
 
@@ -21,14 +23,6 @@ class Part(Object):
     volume_m3: Annotated[float, about("Volume.")]
     centre_m: Annotated[Vector, about("Centre of volume.")]
     mass_kg: Annotated[OrNull, about("Mass; `null` for parts without mass in the model.")]
-
-
-class AssumedSize(Object):
-    """A size that the robot file does not give."""
-
-    field: Annotated[str, about("Field.")]
-    value_m: Annotated[float, about("Assumed value.")]
-    why: Annotated[str, about("Reason for the value.")]
 
 
 class SolidFiles(Object):
@@ -59,7 +53,7 @@ class Cad(SolidPose, OfRobot):
         ),
     ]
     parts: Annotated[list[Part] | None, about("Bodies; `null` if only a drawing was asked for.")]
-    assumed: Annotated[list[AssumedSize], about("Sizes that the robot file does not give.")]
+    assumed: Annotated[list[Assumed], about("Sizes that the robot file does not give.")]
     files: Annotated[SolidFiles, about("Files that were written.")]
 
 
@@ -88,24 +82,13 @@ class FeLoad(Object):
     ]
 
 
-class FeRefinement(Object):
-    """Refinement of the mesh in one direction."""
-
-    name: Annotated[str, about("Refined size.")]
-    of: Annotated[list[str], about("Meshes, coarse to fine.")]
-    tip_position_m: Annotated[list[list[Vector]], about("Position of the tip by mesh and load.")]
-    order: Annotated[OrNull, about("Observed order of convergence; `null` if there is none.")]
-    limit_m: Annotated[list[Vector], about("Extrapolated position of the tip at each load.")]
-    uncertainty_m: Annotated[list[Vector], about("Uncertainty of the extrapolation at each load.")]
-
-
 class FeLimit(Object):
     """Convergence study of the mesh."""
 
     tip_position_m: Annotated[list[Vector], about("Extrapolated position of the tip by load.")]
     error_mm: Annotated[list[float], about("Uncertainty of the extrapolated position.")]
     difference_mm: Annotated[list[OrNull], about("Its distance from the tip of the rod.")]
-    refinements: Annotated[list[FeRefinement], about("Refinements.")]
+    refinements: Annotated[list[Refinement], about("Refinements.")]
 
 
 class FeRun(Object):

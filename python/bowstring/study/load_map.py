@@ -14,6 +14,7 @@ from bowstring.statics.model import RodModel
 from bowstring.study.design_map import has_too_many_disks
 from bowstring.study.error_budget import transverse_force
 from bowstring.validity.axes import Axis, axes_of
+from bowstring.validity.contour import runs
 from bowstring.validity.dead_loads import check_dead_loads
 from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
@@ -179,12 +180,11 @@ def _ranges(found: ValidityMap, name: str, tension: float) -> str:
     values = found.fine[name][:, int(np.argmin(np.abs(x - tension)))]
     unit = f" {axis.units[1]}" if axis.units[1] else ""
     inside = np.isfinite(values) & (np.nan_to_num(values) <= found.tolerance)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     span = axis.stop - axis.start
     parts = []
-    for first, last in edges.reshape(-1, 2).tolist():
+    for first, last in runs(inside):
         low = _crossing(y, values, first, first - 1, found.tolerance)
-        high = _crossing(y, values, last - 1, last, found.tolerance)
+        high = _crossing(y, values, last, last + 1, found.tolerance)
         from_start = abs(low - axis.start) < _EDGE * abs(span) and axis.start == 0.0
         to_end = abs(high - axis.stop) < _EDGE * abs(span)
         end = f"{'at least ' if to_end else ''}{significant(high / axis.factor)}{unit}"

@@ -25,6 +25,7 @@ from bowstring.study.correction_polynomial import (
     without_closed_form,
 )
 from bowstring.study.error_budget import Budget
+from bowstring.validity.contour import runs
 from bowstring.validity.effects import DOMINANT, EFFECTS, Rods, acting, without
 
 __all__ = [
@@ -234,15 +235,15 @@ def _range(model: Model, name: str, case: Case, tension: Array, limit: float) ->
         return high
 
     exceeded = []
-    for i, j in _runs(above):
+    for i, j in runs(above):
         start = crossing(i - 1, i) if i > 0 and known[i - 1] else float(tension[i])
         more = j + 1 < len(tension) and known[j + 1]
         exceeded.append((start, crossing(j + 1, j) if more else float(tension[j])))
-    undecided = tuple((float(tension[i]), float(tension[j])) for i, j in _runs(~known))
+    undecided = tuple((float(tension[i]), float(tension[j])) for i, j in runs(~known))
 
     valid_to: float | None = None
     if known[0] and not above[0]:
-        gaps = [a for a, _ in exceeded] + [float(tension[i - 1]) for i, _ in _runs(~known) if i]
+        gaps = [a for a, _ in exceeded] + [float(tension[i - 1]) for i, _ in runs(~known) if i]
         valid_to = min([*gaps, float(tension[-1])])
     return Range(
         name=name,
@@ -280,7 +281,7 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
     )
     without = []
     for where, why in reasons:
-        if ranges := [in_newtons(float(tension[i]), float(tension[j])) for i, j in _runs(where)]:
+        if ranges := [in_newtons(float(tension[i]), float(tension[j])) for i, j in runs(where)]:
             without.append(f"{listed(ranges)} ({why})")
     text = _in_words(meaning, tolerance, model.length, tension[-1], without)
     return replace(meaning, text=text)
@@ -317,12 +318,6 @@ def shares_of(model: Model, name: str, tension: float) -> tuple[Share, ...]:
             label = EFFECTS[key].label + " as in the file" * (key == "gravity")
             out.append(Share(key, label, rest, (whole - rest) / whole))
     return tuple(sorted(out, key=lambda s: -s.share))
-
-
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 # -- in words ----------------------------------------------------------------------------------

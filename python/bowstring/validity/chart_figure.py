@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -144,15 +144,28 @@ def caption(chart: ValidityChart) -> str:
     return f"{words}, without loads."
 
 
-def _from_force(axes: Axes, chart: ValidityChart) -> None:
-    strengths = np.geomspace(0.02, 40.0, 161)
-    for clamped, colour in zip(_CLAMPED_OVER_TOLERANCE, _COLOURS, strict=True):
+def _curves(
+    axes: Axes,
+    strengths: Array,
+    clamps: Sequence[float],
+    limit: Callable[[float, float, bool], float],
+    unit: float = 1.0,
+) -> None:
+    """Draw the limit in degrees over the strength by clamped share, dashed where clamps add."""
+    for clamped, colour in zip(clamps, _COLOURS, strict=True):
         for adds in (False, True)[: 2 if clamped else 1]:
-            limits = np.array([force_limit(b, clamped, adds) for b in strengths])
-            shown = np.where(limits < math.pi, np.degrees(limits), np.nan)
+            limits = np.degrees([limit(strength, clamped, adds) for strength in strengths])
             line: dict[str, Any] = {"color": LIGHT[colour], "lw": 1.0 if adds else 1.6}
-            label = None if adds else f"{clamped}"
-            axes.loglog(strengths, shown, "--" if adds else "-", label=label, **line)
+            label = None if adds else f"{clamped:g}"
+            axes.loglog(unit * strengths, limits, "--" if adds else "-", label=label, **line)
+
+
+def _from_force(axes: Axes, chart: ValidityChart) -> None:
+    def within_chart(strength: float, clamped: float, adds: bool) -> float:
+        bend = force_limit(strength, clamped, adds)
+        return bend if bend < math.pi else math.nan
+
+    _curves(axes, np.geomspace(0.02, 40.0, 161), _CLAMPED_OVER_TOLERANCE, within_chart)
     axes.set(
         xlabel=r"$B = 12\,\varepsilon\,n^2\,(r/l)\,/\,|1-D|$,   $D = 4\,\mu\,n^2\,(r/l)$",
         ylabel=r"limit: bend $F r l/(EI)$ (deg)",
@@ -160,15 +173,8 @@ def _from_force(axes: Axes, chart: ValidityChart) -> None:
         ylim=(0.6, 180.0),
     )
     _plain_ticks(axes, (1, 2, 5, 10, 20, 45, 90, 180), (0.1, 1, 10))
-    axes.legend(
-        title=r"clamped share $(1-1/n)\,c n/l$ over $\varepsilon$; dashed where $D > 1$",
-        title_fontsize=8.0,
-        fontsize=8.0,
-        ncols=6,
-        loc="lower right",
-        handlelength=1.4,
-        columnspacing=1.0,
-    )
+    title = r"clamped share $(1-1/n)\,c n/l$ over $\varepsilon$; dashed where $D > 1$"
+    axes.legend(title=title, ncols=6, loc="lower right", **_LEGEND)
     axes.set_title("From force, linear law, without loads", pad=6)
     if chart.groups is not None:
         limit = chart["cc_from_force"]
@@ -179,13 +185,7 @@ def _from_force(axes: Axes, chart: ValidityChart) -> None:
 
 
 def _from_lengths(axes: Axes, chart: ValidityChart) -> None:
-    strengths = np.geomspace(2e-5, 0.05, 80)
-    for clamped, colour in zip(_CLAMPED, _COLOURS, strict=True):
-        for adds in (False, True)[: 2 if clamped else 1]:
-            limits = [math.degrees(lengths_limit(x, clamped, adds)) for x in strengths]
-            line: dict[str, Any] = {"color": LIGHT[colour], "lw": 1.0 if adds else 1.6}
-            label = None if adds else f"{clamped:g}"
-            axes.loglog(100 * strengths, limits, "--" if adds else "-", label=label, **line)
+    _curves(axes, np.geomspace(2e-5, 0.05, 80), _CLAMPED, lengths_limit, 100.0)
     axes.set(
         xlabel=r"$\varepsilon/E$ (% of length),   $E^2 = 1 + (2\,\mu\,n^2)^2$",
         ylabel="limit: bend angle of\na module (deg)",
@@ -193,15 +193,8 @@ def _from_lengths(axes: Axes, chart: ValidityChart) -> None:
         ylim=(0.02, 500.0),
     )
     _plain_ticks(axes, (0.1, 1, 2, 5, 10, 20, 45, 90), (0.01, 0.1, 0.5, 1, 2, 5))
-    axes.legend(
-        title="clamped over flexible length, over $E$\n" r"(dashed where $2\,\mu\,n^2 > 1$)",
-        title_fontsize=8.0,
-        fontsize=8.0,
-        ncols=3,
-        loc="upper left",
-        handlelength=1.4,
-        columnspacing=1.0,
-    )
+    title = "clamped over flexible length, over $E$\n" r"(dashed where $2\,\mu\,n^2 > 1$)"
+    axes.legend(title=title, ncols=3, loc="upper left", **_LEGEND)
     axes.set_title("From lengths, without loads", pad=6)
     if chart.groups is not None:
         limit = chart["cc_from_lengths"]
@@ -240,6 +233,12 @@ def _loads(axes: Axes, chart: ValidityChart) -> None:
         axes.axvline(bend, color=LIGHT["ink"], lw=0.8)
 
 
+_LEGEND: Final[dict[str, Any]] = {
+    "title_fontsize": 8.0,
+    "fontsize": 8.0,
+    "handlelength": 1.4,
+    "columnspacing": 1.0,
+}
 _POINT: Final[dict[str, Any]] = {
     "fmt": "o",
     "color": LIGHT["ink"],

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Line", "Refined", "contours", "crossings", "halved", "holding"]
+__all__ = ["Line", "Refined", "contours", "crossings", "halved", "holding", "runs"]
 
 Floats = NDArray[np.float64]
 Line = NDArray[np.float64]
@@ -125,13 +125,11 @@ def halved(
     while len(x) - 1 < _CELLS:
         known = np.isfinite(grid).any(axis=0)
         wanted = known[1:] | known[:-1]
-        middle = 0.5 * (x[1:] + x[:-1])
-        new = np.full((len(grid), len(middle)), np.nan)
+        x, coarse = _between(x), grid
+        grid = np.full((len(coarse), len(x)), np.nan)
+        grid[:, ::2] = coarse
         if wanted.any():
-            new[:, wanted] = np.stack(list(evaluate(middle[wanted])))
-        order = np.argsort(np.concatenate([x, middle]))
-        x = np.concatenate([x, middle])[order]
-        grid = np.concatenate([grid, new], axis=1)[:, order]
+            grid[:, 1::2][:, wanted] = np.stack(list(evaluate(x[1::2][wanted])))
     return x, list(grid)
 
 
@@ -203,14 +201,19 @@ def holding(x: Floats, values: Floats, marks: Floats, level: float) -> Floats:
     ndarray (n, 2)
     """
     inside = np.isfinite(values) & (np.nan_to_num(values) <= level)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     out = []
-    for first, after in edges.reshape(-1, 2).tolist():
+    for first, last in runs(inside):
         before = marks[(marks >= x[max(first - 1, 0)]) & (marks <= x[first])]
-        beyond = marks[(marks >= x[after - 1]) & (marks <= x[min(after, len(x) - 1)])]
+        beyond = marks[(marks >= x[last]) & (marks <= x[min(last + 1, len(x) - 1)])]
         low = before.max() if before.size else x[first]
-        out.append((low, beyond.min() if beyond.size else x[after - 1]))
+        out.append((low, beyond.min() if beyond.size else x[last]))
     return np.array(out).reshape(-1, 2)
+
+
+def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(first), int(after) - 1) for first, after in edges.reshape(-1, 2)]
 
 
 def _brackets(x: Floats, values: Floats, level: float) -> Floats:
@@ -258,20 +261,16 @@ def _halved(
     return new_x, new_y, grids, is_known
 
 
-def _between(axis: Floats) -> Floats:
-    out = np.empty(2 * len(axis) - 1)
-    out[::2] = axis
-    out[1::2] = 0.5 * (axis[:-1] + axis[1:])
+def _between(values: Floats) -> Floats:
+    """Values and, between each two along the first axis, their mean."""
+    out = np.empty((2 * len(values) - 1, *values.shape[1:]))
+    out[::2] = values
+    out[1::2] = 0.5 * (values[:-1] + values[1:])
     return out
 
 
 def _spread(grid: Floats, wide: bool, tall: bool) -> Floats:
     for axis, one in ((1, wide), (0, tall)):
-        if not one:
-            continue
-        moved = np.moveaxis(grid, axis, 0)
-        out = np.empty((2 * len(moved) - 1, *moved.shape[1:]))
-        out[::2] = moved
-        out[1::2] = 0.5 * (moved[:-1] + moved[1:])
-        grid = np.moveaxis(out, 0, axis)
+        if one:
+            grid = np.moveaxis(_between(np.moveaxis(grid, axis, 0)), 0, axis)
     return np.ascontiguousarray(grid)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring._core import RodModel
+from bowstring.data.tip_errors import known_max, known_mean
 from bowstring.display import short_repr
-from bowstring.errors import InputError, NoSolutionError
+from bowstring.errors import InputError
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.inverse.kinematics import inverse_kinematics
 from bowstring.results import Key, Result
@@ -27,18 +28,19 @@ from bowstring.validity.control_commands import (
     SCALES,
     Commander,
     drawn_tensions,
+    no_pose,
     prepared,
     sobol_points,
 )
 from bowstring.validity.dead_loads import gravity_of
-from bowstring.viz.style import check_figure_file, write_figure
+from bowstring.validity.drawn import Drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bowstring.schemas import inverse as schema
 
-__all__ = ["ControlErrors", "check_control_file", "control_errors"]
+__all__ = ["ControlErrors", "control_errors"]
 
 Floats = NDArray[np.float64]
 CommandName = Literal[
@@ -91,8 +93,10 @@ class ControlByLoad(Result):
 
 @short_repr
 @dataclass(frozen=True)
-class ControlErrors(Result):
+class ControlErrors(Drawn):
     """Distances between wanted tips and where commands lead; made by `control_errors`."""
+
+    content = "figure of the control error"
 
     robot: Robot
     """Robot, its friction left out."""
@@ -138,19 +142,14 @@ class ControlErrors(Result):
         """
         out: list[dict[str, float]] = []
         for row in self.distance(name):
-            known = row[np.isfinite(row)]
-            mean, rms, most = float("nan"), float("nan"), float("nan")
-            if known.size:
-                mean, most = float(known.mean()), float(known.max())
-                rms = float(np.sqrt((known**2).mean()))
             valid = float((row <= self.tolerance * self.robot.length).mean())
             out.append(
                 {
-                    "mean_m": mean,
-                    "rms_m": rms,
-                    "max_m": most,
+                    "mean_m": known_mean(row),
+                    "rms_m": math.sqrt(known_mean(row**2)),
+                    "max_m": known_max(row),
                     "valid_percent": 100.0 * valid,
-                    "without_equilibrium": int(len(row) - known.size),
+                    "without_equilibrium": int((~np.isfinite(row)).sum()),
                 }
             )
         return out
@@ -266,26 +265,6 @@ class ControlErrors(Result):
 
         return draw_control(self)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the figure to a file (PNG, PDF or SVG), whole or not at all.
-
-        Parameters
-        ----------
-        path : str or Path
-            A figure of before is replaced.
-
-        Returns
-        -------
-        Path
-            Absolute path of the file.
-        """
-        return write_figure(self.figure, path, "figure", 160, check_control_file)
-
-
-def check_control_file(path: str | Path) -> Path:
-    """Check before any work that a figure of the control error may be written; return its path."""
-    return check_figure_file(path, "figure of the control error", (".png", ".pdf", ".svg"))
-
 
 def control_errors(
     robot: Robot,
@@ -374,20 +353,14 @@ def control_errors(
 
     whole_load = at(load, poses, corrections, 0.0)
     if not len(whole_load.wanted):
-        raise NoSolutionError(
-            f"{robot.name}: none of {poses} drawn poses has a stable equilibrium, and the first "
-            "is without tension; give smaller dead loads",
-            status="no_equilibrium",
-        )
+        raise no_pose(robot, poses)
     by_load: dict[str, list[list[float]]] = {name: [] for name in whole_load.landed}
     for k, share in enumerate(shares):
         part = _scaled(robot, load, float(share))
         found = whole_load if share == 1.0 else at(part, min(poses, 256), 0, 1.0 + k)
         for name, rows in by_load.items():
             away = np.linalg.norm(found.landed[name][0] - found.wanted, axis=-1)
-            known = away[np.isfinite(away)]
-            none = [float("nan")] * 2
-            rows.append([float(known.mean()), float(known.max())] if known.size else none)
+            rows.append([known_mean(away), known_max(away)])
     notify("poses", 1.0)
     return ControlErrors(
         robot,

@@ -34,6 +34,7 @@ __all__ = [
     "check_some_solved",
     "drawn_tensions",
     "largest_tensions",
+    "no_pose",
     "prepared",
     "sobol_points",
 ]
@@ -328,3 +329,12 @@ def check_some_solved(robot: Robot, most: Floats, load: Load, model: RodModel) -
             f"{robot.name} by half a turn: give a smaller largest tension",
             argument="max_tension",
         )
+
+
+def no_pose(robot: Robot, poses: int) -> NoSolutionError:
+    """Error where no drawn pose has an equilibrium."""
+    return NoSolutionError(
+        f"{robot.name}: none of {poses} drawn poses has a stable equilibrium, and the first "
+        "is without tension; give smaller dead loads",
+        status="no_equilibrium",
+    )

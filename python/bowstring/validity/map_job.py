@@ -70,20 +70,10 @@ def map_job(
 
     Parameters
     ----------
-    robot : Robot
+    robot, tolerance, metric, models, loading, load : object
         As for `bowstring.validity_map`.
     over : sequence of str or Axis
         Any number of axes.
-    tolerance : float or str
-        Tolerated tip error: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
-    metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
-        As for `bowstring.validity_map`.
-    models : sequence of str, optional
-        As for `bowstring.validity_map`.
-    loading : Loading, optional
-        Actuated tendons, end of the ramp and number of its loads.
-    load : Load, optional
-        Gravity (that of the robot if left out) and tip force that no axis changes.
     block : int, optional
         Points in a block; by default 4096, or a hundredth of a smaller map.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from bowstring.validity.design_space import DesignSpace, RampErrors
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
 from bowstring.validity.map_settings import METRICS, MapSettings, Metric, read_axes, space_of
-from bowstring.viz.style import check_figure_file, write_figure
+from bowstring.viz.style import MARKS, check_figure_file, write_figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -212,14 +212,14 @@ class ValidityMap(Result):
         import xarray as xr
 
         dims = [f"axis_{i}" for i in range(len(self.axes), 0, -1)]
-        coords = {
-            f"axis_{i}": (
-                [f"axis_{i}"],
-                axis.values,
-                {"units": axis.units[0] or "1", "long_name": axis.path},
-            )
-            for i, axis in enumerate(self.axes, 1)
-        }
+
+        def along(axis: Axis, name: str, values: Floats) -> dict[str, Any]:
+            about = {"units": axis.units[0] or "1", "long_name": axis.path}
+            return {name: ([name], values, about)}
+
+        coords: dict[str, Any] = {}
+        for i, axis in enumerate(self.axes, 1):
+            coords |= along(axis, f"axis_{i}", axis.values)
         unit = "N" if self.metric == "valid_to" else "1"
         data: dict[str, Any] = {
             name: (dims, value, {"units": unit, "long_name": f"{METRICS[self.metric]}: {name}"})
@@ -243,11 +243,7 @@ class ValidityMap(Result):
         for i, axis in enumerate(self.axes, 1):
             places = np.unique(self.cause_points[i - 1])
             order = places if axis.start < axis.stop else places[::-1]
-            coords[f"cause_axis_{i}"] = (
-                [f"cause_axis_{i}"],
-                order,
-                {"units": axis.units[0] or "1", "long_name": axis.path},
-            )
+            coords |= along(axis, f"cause_axis_{i}", order)
         return xr.Dataset(
             data,
             coords,
@@ -292,7 +288,7 @@ class ValidityMap(Result):
         """
         file = check_map_file(path)
         if file.suffix.lower() != _NUMBERS:
-            return write_figure(self.figure, file, "map", 160, check_map_file)
+            return write_figure(self.figure, file, "map")
         values = self.to_dataset()
         write_whole_file(
             file,
@@ -326,7 +322,7 @@ class ValidityMap(Result):
 
 
 _NUMBERS: Final = ".nc"
-_SUFFIXES: Final = (".png", ".pdf", ".svg", _NUMBERS)
+_SUFFIXES: Final = (*MARKS, _NUMBERS)
 
 
 def check_map_file(path: str | Path) -> Path:
@@ -470,7 +466,7 @@ def compute_map(settings: MapSettings, progress: Progress | None = None) -> Vali
         if along is not None:
             line = replace(settings, space=space.at(own))
             errors = line.errors(line.space.axes[0].values[:, None])
-            ranges = _on_one_axis(line, line.measure(errors)).ranges
+            _, ranges, *_ = _on_one_axis(line, line.measure(errors))
     notify("done", 1.0)
     with np.errstate(invalid="ignore"):
         accuracy = found.tip_error / found.length[:, None]
@@ -572,21 +568,13 @@ def _own_ramp(space: DesignSpace) -> tuple[int | None, dict[int, float]]:
     return ramps[0], {other: own}
 
 
-class _OneAxis(NamedTuple):
-    """Functions of one axis, by model."""
+def _on_one_axis(
+    settings: MapSettings, value: dict[str, Floats]
+) -> tuple[dict[str, list[Line]], dict[str, Floats], tuple[Floats, ...], dict[str, Floats]]:
+    """Crossings of the tolerance on one axis, and ranges in which it holds, by model.
 
-    lines: dict[str, list[Line]]
-    """Crossings of the tolerance."""
-    ranges: dict[str, Floats]
-    """Ranges in which it holds."""
-    axes: tuple[Floats, ...] = ()
-    """Points of the refined axis; empty of whole numbers."""
-    fine: dict[str, Floats] = {}  # noqa: RUF012 - never changed
-    """Values there."""
-
-
-def _on_one_axis(settings: MapSettings, value: dict[str, Floats]) -> _OneAxis:
-    """Crossings of the tolerance on one axis, and ranges in which it holds, by model."""
+    Then the points of the refined axis and the values there by model; empty of whole numbers.
+    """
     (axis,), level = settings.space.axes, settings.tolerance
 
     def at(new: Floats) -> list[Floats]:
@@ -599,10 +587,10 @@ def _on_one_axis(settings: MapSettings, value: dict[str, Floats]) -> _OneAxis:
         empty: dict[str, list[Line]] = {name: [] for name in value}
         nothing = np.zeros(0)
         pairs = zip(value, grids, strict=True)
-        return _OneAxis(empty, {name: holding(x, one, nothing, level) for name, one in pairs})
+        return empty, {name: holding(x, one, nothing, level) for name, one in pairs}, (), {}
     x, fine = halved(x, grids, at)
     marks = crossings(x, fine, level, at)
-    return _OneAxis(
+    return (
         {n: [np.array([[mark]]) for mark in one] for n, one in zip(value, marks, strict=True)},
         {
             name: holding(x, one, mark, level)

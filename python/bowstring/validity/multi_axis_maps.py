@@ -38,7 +38,7 @@ from bowstring.validity.sentences import (
     undefined_in_words,
     unsolved_in_words,
 )
-from bowstring.viz.style import check_figure_file, write_figure
+from bowstring.viz.style import MARKS, check_figure_file, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,7 +62,7 @@ MOST_POINTS: Final = 20_000
 MOST_DRAWN: Final = 5_000_000
 """Most points of a map in blocks that is read into memory, for a figure or slices."""
 _NUMBERS: Final = (".nc", ".zarr")
-_SUFFIXES: Final = (".png", ".pdf", ".svg", *_NUMBERS)
+_SUFFIXES: Final = (*MARKS, *_NUMBERS)
 
 
 @dataclass(frozen=True)
@@ -235,18 +235,15 @@ class ValidityGrid(Result):
         """
         file = check_grid_file(path)
         if file.suffix.lower() not in _NUMBERS:
-            return write_figure(self.figure, file, "map", 160, check_grid_file)
-        flat = {name: value.ravel() for name, value in self.value.items()}
-        for name, defined in self.defined.items():
-            flat[f"{name}_defined"] = defined.ravel().astype(np.int8)
-        if self.slack is not None:
-            flat["slack"] = self.slack.ravel().astype(np.int8)
-        flat["solved"] = self.solved.ravel().astype(np.int8)
-        flat["gave_up"] = self.gave_up.ravel().astype(np.int8)
-        flat["solved_to"] = self.solved_to.ravel()
+            return write_figure(self.figure, file, "map")
+        flags = {f"{name}_defined": defined for name, defined in self.defined.items()}
+        flags |= {"solved": self.solved, "gave_up": self.gave_up}
+        flags |= {} if self.slack is None else {"slack": self.slack}
+        shown = {name: flag.astype(np.int8) for name, flag in flags.items()}
+        all_of: dict[str, NDArray[Any]] = {**self.value, **shown, "solved_to": self.solved_to}
 
         def read(first: int, count: int) -> dict[str, NDArray[Any]]:
-            return {name: values[first : first + count] for name, values in flat.items()}
+            return {name: values.flat[first : first + count] for name, values in all_of.items()}
 
         return save(self.job, read, file)
 
@@ -340,22 +337,10 @@ def validity_grid(
 
     Parameters
     ----------
-    robot : Robot
+    robot, tolerance, metric, models, loading, load, progress : object
         As for `bowstring.validity_map`.
     over : sequence of str or Axis
         Axes as for `bowstring.validity_map`, at least one.
-    tolerance : float or str
-        Tolerated tip error: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
-    metric : {"largest_error", "mean_error", "error", "valid_to"}, optional
-        As for `bowstring.validity_map`.
-    models : sequence of str, optional
-        As for `bowstring.validity_map`.
-    loading : Loading, optional
-        Actuated tendons, end of the ramp and number of its loads.
-    load : Load, optional
-        Gravity (that of the robot if left out) and tip force that no axis changes.
-    progress : callable, optional
-        Called with a word and the finished share.
 
     Returns
     -------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
@@ -13,23 +12,23 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring._core import RodModel
 from bowstring.constant_curvature import RobotArcs
 from bowstring.display import short_repr
-from bowstring.errors import InputError, NoSolutionError
+from bowstring.errors import InputError
 from bowstring.formatting import in_mm, in_percent, significant
-from bowstring.results import Key, Result
+from bowstring.results import Key
 from bowstring.robot.model import Robot, check_robot, check_tendons
 from bowstring.statics.equilibria import columns, differentiable
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch
 from bowstring.validation import floats, row, share_of_length, whole
-from bowstring.validity.control_commands import drawn_tensions, prepared, sobol_points
+from bowstring.validity.control_commands import drawn_tensions, no_pose, prepared, sobol_points
 from bowstring.validity.dead_loads import gravity_of
-from bowstring.viz.style import check_figure_file, write_figure
+from bowstring.validity.drawn import Drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-__all__ = ["Reach", "check_reach_file", "reach"]
+__all__ = ["Reach", "reach"]
 
 Floats = NDArray[np.float64]
 
@@ -45,11 +44,13 @@ _ROUNDING: Final = 1e-9  # value over the largest, below which it is zero
 
 @short_repr
 @dataclass(frozen=True)
-class Reach(Result):
+class Reach(Drawn):
     """Tips under tension limits by physics and by constant curvature; made by `reach`.
 
     Numbers of a pose are NaN without a stable equilibrium.
     """
+
+    content = "figure of the reach"
 
     robot: Robot
     """Robot, its friction left out."""
@@ -166,32 +167,12 @@ class Reach(Result):
 
         return draw_reach(self)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the figure to a file (PNG, PDF or SVG), whole or not at all.
-
-        Parameters
-        ----------
-        path : str or Path
-            A figure of before is replaced.
-
-        Returns
-        -------
-        Path
-            Absolute path of the file.
-        """
-        return write_figure(self.figure, path, "figure", 160, check_reach_file)
-
 
 def _span(values: Floats) -> str:
     largest = float(np.abs(values).max())
     ends = (float(values.min()), float(values.max()))
     low, high = (significant(v if abs(v) > _ROUNDING * largest else 0.0) for v in ends)
     return low if low == high else f"{low} to {high}"
-
-
-def check_reach_file(path: str | Path) -> Path:
-    """Check before any work that a figure of the reach may be written; return its path."""
-    return check_figure_file(path, "figure of the reach", (".png", ".pdf", ".svg"))
 
 
 def reach(
@@ -274,11 +255,7 @@ def reach(
     found = solve_batch(robot, tensions, load=load, model=model, disks=False)
     tip = np.where(found.converged[:, None], found.tip_position, np.nan)
     if not found.converged.any():
-        raise NoSolutionError(
-            f"{robot.name}: none of {poses} drawn poses has a stable equilibrium, and the first "
-            "is without tension; give smaller dead loads",
-            status="no_equilibrium",
-        )
+        raise no_pose(robot, poses)
     by_share = np.full((poses, 3, len(most)), np.nan)
     compliance = np.full((poses, 3, 3), np.nan)
     notify("derivatives", _SHARES[0])

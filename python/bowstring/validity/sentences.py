@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bowstring.formatting import in_newtons, in_percent, listed, significant
 from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import coarse_step
+from bowstring.validity.contour import runs
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import actuated
@@ -167,8 +168,8 @@ def _at_points(found: ValidityMap, where: Mask) -> str:
         return ""
     axis = found.axes[0]
     order = np.argsort(axis.values)
-    rows = np.flatnonzero(np.diff(np.concatenate([[0], where[order].astype(int), [0]])))
-    ends = [(axis.values[order][i], axis.values[order][k - 1]) for i, k in rows.reshape(-1, 2)]
+    values = axis.values[order]
+    ends = [(values[first], values[last]) for first, last in runs(where[order])]
     return f" ({in_ranges(axis, np.array(ends))})"
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
@@ -24,18 +23,18 @@ from bowstring.validation import choice, share_of_length, whole
 from bowstring.validity.causes import main_cause
 from bowstring.validity.control_commands import drawn_tensions, prepared, sobol_points
 from bowstring.validity.design_space import COUPLED
+from bowstring.validity.drawn import Drawn
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
 from bowstring.validity.limit_search import gave_up
 from bowstring.validity.maps import APART
 from bowstring.validity.sentences import in_causes, in_not_examined, undefined_in_words
-from bowstring.viz.style import check_figure_file, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-__all__ = ["WorkspaceMap", "check_workspace_file", "workspace_map"]
+__all__ = ["WorkspaceMap", "workspace_map"]
 
 Floats = NDArray[np.float64]
 
@@ -63,8 +62,10 @@ class WorkspaceErrors(Result):
 
 @short_repr
 @dataclass(frozen=True)
-class WorkspaceMap(Result):
+class WorkspaceMap(Drawn):
     """Errors of constant curvature at many poses of one robot; made by `workspace_map`."""
+
+    content = "map of the workspace"
 
     robot: Robot
     """Robot, its friction left out."""
@@ -201,26 +202,6 @@ class WorkspaceMap(Result):
         from bowstring.validity.workspace_figure import draw_workspace
 
         return draw_workspace(self)
-
-    def save(self, path: str | Path) -> Path:
-        """Write the figure to a file (PNG, PDF or SVG), whole or not at all.
-
-        Parameters
-        ----------
-        path : str or Path
-            A map of before is replaced.
-
-        Returns
-        -------
-        Path
-            Absolute path of the file.
-        """
-        return write_figure(self.figure, path, "map", 160, check_workspace_file)
-
-
-def check_workspace_file(path: str | Path) -> Path:
-    """Check before any work that a figure of the workspace may be written; return its path."""
-    return check_figure_file(path, "map of the workspace", (".png", ".pdf", ".svg"))
 
 
 def workspace_map(

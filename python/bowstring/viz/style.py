@@ -122,7 +122,9 @@ def save(figure: Figure, file: Path, dpi: float) -> None:
     figure.savefig(file, dpi=dpi, metadata=_ABOUT[file.suffix.lower()])
 
 
-def check_figure_file(path: str | Path, content: str, suffixes: Sequence[str]) -> Path:
+def check_figure_file(
+    path: str | Path, content: str, suffixes: Sequence[str] = tuple(MARKS)
+) -> Path:
     """Check before any work that a figure may be written (`atomic_io.check_file`)."""
     file = Path(path)
     return check_file(file, content, suffixes, MARKS.get(file.suffix.lower(), b""))
@@ -132,17 +134,22 @@ def write_figure(
     draw: Callable[[], Figure],
     path: str | Path,
     content: str,
-    dpi: float,
-    check: Callable[[str | Path], Path],
+    dpi: float = _DPI,
+    suffixes: Sequence[str] = tuple(MARKS),
 ) -> Path:
     """Draw a figure and write it, whole or not at all; return the absolute path of its file.
 
-    `content` names it in errors; `check` raises if the file cannot be written.
+    `content` names it in errors; `suffixes` are allowed.
     """
-    file = check(path)
+    file = check_figure_file(path, content, suffixes)
     with figure_style():
         figure = draw()
-        write_whole_file(file, content, lambda new: save(figure, new, dpi), lambda: check(file))
+        write_whole_file(
+            file,
+            content,
+            lambda new: save(figure, new, dpi),
+            lambda: check_figure_file(file, content, suffixes),
+        )
     return file
 
 
