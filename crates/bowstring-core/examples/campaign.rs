@@ -16,6 +16,8 @@
 
 #[path = "../tests/common/cases.rs"]
 mod cases;
+#[path = "../tests/common/mod.rs"]
+mod common;
 
 use bowstring_core::model::load::{Load, RodModel, TendonPath};
 use bowstring_core::model::robot::Robot;
@@ -213,29 +215,28 @@ fn trial(number: usize) -> Counts {
             unreachable!("a robot has a section")
         };
         let size = first.sections()[0].bending[0] / robot.length() * draw.within(0.0, 1.0);
-        case.tip_moment = draw.direction() * size;
+        case.load.tip_moment = (draw.direction() * size).0;
     }
     // each tension, tip force and moment a fraction of the drawn value
     let (mut tensions, mut forces, mut moments) = (vec![], vec![], vec![]);
     let count = if hard { HOSTILE_LOADS } else { LOADS };
     for _ in 0..count {
-        tensions.extend(case.tensions.iter().map(|t| t * draw.within(0.0, 1.0)));
+        tensions.extend(case.load.tensions.iter().map(|t| t * draw.within(0.0, 1.0)));
         let share = draw.within(0.0, 1.0);
-        forces.extend(case.tip_force.0.map(|f| f * share));
-        moments.extend(case.tip_moment.0.map(|m| m * share));
+        forces.extend(case.load.tip_force.map(|f| f * share));
+        moments.extend(case.load.tip_moment.map(|m| m * share));
     }
-    let gravity = case.spec.gravity;
     let loads = Loads {
         count,
         tensions: &tensions,
-        gravity: &gravity,
+        gravity: &case.load.gravity,
         tip_force: &forces,
         tip_moment: &moments,
-        point_loads: &case.point_loads,
+        point_loads: &case.load.point_loads,
         ..Loads::default()
     };
     let settings = RodModel {
-        model: case.model(),
+        model: case.model,
         elements: None,
     };
     let Ok(found) = solve_batch(&robot, &settings, &loads, 1, false) else {
@@ -265,7 +266,7 @@ fn trial(number: usize) -> Counts {
     for _ in 0..COMPARED {
         let i = draw.count(0, count - 1);
         let load = loads.row(i, tendons);
-        let mut single = Adaptive::new(&robot, case.model(), None).unwrap();
+        let mut single = Adaptive::new(&robot, case.model, None).unwrap();
         let outcome = single.solve(&load).unwrap();
         if !same(&single, &outcome, &found, i) {
             counts.batch += 1;
@@ -283,7 +284,7 @@ fn trial(number: usize) -> Counts {
 /// A realistic robot with some of all that one may have.
 fn varied(mut case: Case, draw: &mut Draw) -> Case {
     if draw.often(0.05) {
-        case.tendon = TendonPath::Continuous;
+        case.model.tendon = TendonPath::Continuous;
     }
     match draw.count(0, 9) {
         0 | 1 => case = case.tapered(draw),
@@ -354,11 +355,9 @@ fn compare(
         return;
     };
     // the gap is that of one module; where the stated error is tiny, the gap of each must be too
-    if case.tendon == TendonPath::Straight && rest.tip <= 1e-5 * length {
+    if case.model.tendon == TendonPath::Straight && rest.tip <= 1e-5 * length {
         let mut here = case.clone();
-        here.tensions = load.tensions.to_vec();
-        here.tip_force.0 = load.tip_force;
-        here.tip_moment.0 = load.tip_moment;
+        here.load.set(load);
         match largest_gap(&here, robot, &fine) {
             None => counts.unchecked += 1,
             Some(gap) => {

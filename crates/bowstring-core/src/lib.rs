@@ -37,3 +37,7 @@ pub mod dynamics;
 #[cfg(test)]
 #[path = "../tests/common/random.rs"]
 mod random;
+
+#[cfg(test)]
+#[path = "../tests/common/parts.rs"]
+mod parts;

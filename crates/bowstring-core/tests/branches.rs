@@ -1,10 +1,13 @@
 //! Branches of equilibria against classical buckling loads.
 
-use bowstring_core::model::load::{Load, Model, OwnedLoad, PointLoad, RodModel, Theory};
-use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+mod common;
+
+use bowstring_core::model::load::{Load, OwnedLoad, PointLoad, RodModel};
+use bowstring_core::model::robot::{Robot, Section, Tendon};
 use bowstring_core::statics::branches::{
     diagram, Diagram, End, EventKind, LoadPath, Point, Search,
 };
+use common::{hole, rod};
 use std::f64::consts::PI;
 
 const BENDING: f64 = 1.3;
@@ -21,35 +24,17 @@ fn column(disks: usize, mass_per_length: f64) -> Robot {
         rotary_inertia: 1e-6,
         rest_curvature: [0.0; 3],
     };
-    let disks = (1..=disks).map(|k| Disk {
-        hole_length: 0.0,
-        station: LENGTH * k as f64 / disks as f64,
-        clamped_length: 0.0,
-        mass: 0.0,
-        inertia: [1e-9, 1e-9],
-        segment: 0,
-    });
-    let disks: Vec<_> = disks.collect();
-    let last = disks.len() - 1;
-    let hole = |a: f64| [0.01 * a.cos(), 0.01 * a.sin()];
-    Robot::new(RobotSpec {
-        payloads: vec![],
-        backbone: vec![section.into()],
-        disks,
-        tendons: (0..3)
-            .map(|i| Tendon::parallel(hole(2.0 * PI * i as f64 / 3.0), last))
-            .collect(),
-        gravity: [0.0; 3],
-    })
-    .unwrap()
+    let mut spec = rod(section.into(), LENGTH, disks).spec().clone();
+    let angles = [0.0, 120.0, 240.0];
+    spec.tendons = angles
+        .map(|a| Tendon::parallel(hole(0.01, a), disks - 1))
+        .to_vec();
+    Robot::new(spec).unwrap()
 }
 
 fn kirchhoff() -> RodModel {
     RodModel {
-        model: Model {
-            theory: Theory::Kirchhoff,
-            ..Model::default()
-        },
+        model: common::kirchhoff(),
         elements: None,
     }
 }

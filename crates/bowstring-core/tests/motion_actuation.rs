@@ -7,19 +7,7 @@ use bowstring_core::model::load::{Load, Model, Theory};
 use bowstring_core::model::robot::Robot;
 use bowstring_core::statics::path::{Command, Line, PathSolver};
 use bowstring_core::statics::solver::Status;
-use common::{by_tensions, rao_robot, study_robot, Draw};
-
-fn settings(step: f64, rho: f64) -> Integrator {
-    Integrator {
-        gravity: [0.0; 3],
-        damping: Damping {
-            mass: 0.0,
-            material: 0.0,
-        },
-        spectral_radius: rho,
-        step: Step::Fixed(step),
-    }
-}
+use common::{by_tensions, displacements, fixed_steps, go, rao_robot, study_robot, tensions, Draw};
 
 fn lines(robot: &Robot, line: Line) -> Vec<Line> {
     vec![line; robot.tendon_count()]
@@ -42,16 +30,6 @@ fn at_rest(
     (simulator, path)
 }
 
-fn displacements(values: &[f64]) -> Vec<Command> {
-    values.iter().map(|p| Command::Displacement(*p)).collect()
-}
-
-/// Advances and asserts that nothing stopped the run.
-fn go(simulator: &mut Simulator, duration: f64, load: &Load) {
-    let (stop, _) = simulator.advance(duration, load).unwrap();
-    assert_eq!(stop, None, "at {} s", simulator.time());
-}
-
 /// Kinetic, elastic and gravitational energy, less work, plus dissipation.
 fn left(simulator: &Simulator) -> f64 {
     let e = simulator.energies();
@@ -67,17 +45,13 @@ fn elastic() -> Line {
     }
 }
 
-fn tensions(values: &[f64]) -> Vec<Command> {
-    values.iter().map(|t| Command::Tension(*t)).collect()
-}
-
 /// Through inextensible frictionless lines, tensions give the same motion as without lines.
 #[test]
 fn inextensible_frictionless_lines_change_nothing() {
     let robot = study_robot(9, 0.0);
     let model = Model::default();
     // only with numerical damping and tensions alone may steps keep an imbalance
-    let s = settings(2e-3, 1.0);
+    let s = fixed_steps(2e-3, 1.0);
     let nothing = by_tensions(&[0.0; 3]);
     let (mut actuated, _) = at_rest(
         &robot,
@@ -119,7 +93,7 @@ fn steps_converge_with_second_order() {
         for rho in [1.0, 0.7] {
             let end = |steps: usize| {
                 let h = 0.4 / steps as f64;
-                let mut s = settings(h, rho);
+                let mut s = fixed_steps(h, rho);
                 s.damping = Damping {
                     mass: 1.0,
                     material: 2e-3,
@@ -176,7 +150,7 @@ fn release_keeps_its_energy() {
                 let (mut simulator, _) = at_rest(
                     &robot,
                     model,
-                    settings(1e-3, 1.0),
+                    fixed_steps(1e-3, 1.0),
                     line,
                     &displacements(&given),
                     &held,
@@ -216,7 +190,7 @@ fn slow_motion_follows_the_path() {
             ..elastic()
         };
         let apart = |duration: f64| {
-            let mut s = settings(2e-3, 0.8);
+            let mut s = fixed_steps(2e-3, 0.8);
             s.damping.mass = 20.0;
             let most = if by_displacement { 0.012 } else { 40.0 };
             let kind = if by_displacement {
@@ -278,7 +252,7 @@ fn random_motions() {
             pretension: [0.0, 2.0][trial / 18 % 2],
             ..Line::default()
         };
-        let mut s = settings(1e-3, 0.8);
+        let mut s = fixed_steps(1e-3, 0.8);
         s.step = Step::Adaptive {
             tolerance: 1e-6,
             longest: 0.01,
@@ -365,7 +339,7 @@ fn wrong_motions_are_rejected() {
     let robot = study_robot(9, 0.0);
     let nothing = by_tensions(&[0.0; 3]);
     let model = Model::default();
-    let s = settings(1e-3, 0.8);
+    let s = fixed_steps(1e-3, 0.8);
     let (mut stiff, path) = at_rest(
         &robot,
         model,

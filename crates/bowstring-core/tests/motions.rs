@@ -3,9 +3,9 @@
 mod common;
 
 use bowstring_core::dynamics::batch::{Between, Control, MotionStatus, Motions, Observations};
-use bowstring_core::dynamics::integrator::{Damping, Integrator, Simulator, Step};
-use bowstring_core::model::load::{Model, Theory};
-use common::{by_tensions, study_robot};
+use bowstring_core::dynamics::integrator::{Damping, Integrator, Simulator};
+use bowstring_core::model::load::Model;
+use common::{by_tensions, fixed_steps, kirchhoff, study_robot};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -40,8 +40,7 @@ fn settings(step: f64) -> Integrator {
             mass: 1.0,
             material: 1e-3,
         },
-        spectral_radius: 0.8,
-        step: Step::Fixed(step),
+        ..fixed_steps(step, 0.8)
     }
 }
 
@@ -108,11 +107,7 @@ fn motions_converge_to_single_ones() {
             "{errors:?}"
         );
     }
-    let kirchhoff = Model {
-        theory: Theory::Kirchhoff,
-        ..Model::default()
-    };
-    assert!(error(kirchhoff, 1, 1e-3, Between::Held) < 0.002);
+    assert!(error(kirchhoff(), 1, 1e-3, Between::Held) < 0.002);
     assert!(error(Model::default(), 2, 1e-3, Between::Held) < 0.002);
 }
 

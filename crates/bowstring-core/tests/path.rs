@@ -3,7 +3,7 @@
 mod common;
 
 use bowstring_core::math::linalg::Vec3;
-use bowstring_core::model::load::{Load, Model, RodModel, Theory};
+use bowstring_core::model::load::{Load, Model, RodModel};
 use bowstring_core::model::robot::{Robot, Tendon};
 use bowstring_core::statics::loads::Loads;
 use bowstring_core::statics::path::{Command, History, Line, PathOutcome, PathSolver};
@@ -11,14 +11,7 @@ use bowstring_core::statics::path_batch::{
     commands, follow, follow_designs, solve_each, Designs, PathSolutions, Steps,
 };
 use bowstring_core::statics::solver::{Solver, Status};
-use common::{by_tensions, rao_robot, study_robot, Draw};
-
-fn kirchhoff() -> Model {
-    Model {
-        theory: Theory::Kirchhoff,
-        ..Model::default()
-    }
-}
+use common::{by_tensions, displacements, hole, kirchhoff, rao_robot, study_robot, tensions, Draw};
 
 fn stiff(robot: &Robot) -> Vec<Line> {
     vec![Line::default(); robot.tendon_count()]
@@ -28,16 +21,39 @@ fn path_solver(robot: &Robot, model: Model) -> PathSolver {
     PathSolver::new(robot, model, 1, &stiff(robot)).unwrap()
 }
 
-fn displacements(values: &[f64]) -> Vec<Command> {
-    values.iter().map(|p| Command::Displacement(*p)).collect()
-}
-
-fn tensions(values: &[f64]) -> Vec<Command> {
-    values.iter().map(|t| Command::Tension(*t)).collect()
+/// Rows of values and their kinds, under gravity and a tip force.
+fn steps<'a>(
+    count: usize,
+    values: &'a [f64],
+    by_displacement: &'a [bool],
+    gravity: &'a [f64],
+    tip_force: &'a [f64],
+) -> Steps<'a> {
+    Steps {
+        durations: &[],
+        loads: Loads {
+            count,
+            tensions: values,
+            gravity,
+            tip_force,
+            tip_moment: &[0.0; 3],
+            ..Loads::default()
+        },
+        by_displacement,
+    }
 }
 
 fn step(path: &mut PathSolver, commands: &[Command], load: &Load) -> PathOutcome {
     path.step(commands, load).unwrap()
+}
+
+/// Displacements of the tendons of a solution (m).
+fn shortened(solver: &Solver) -> Vec<f64> {
+    let (spec, tendons) = (solver.robot().spec(), solver.robot().spec().tendons.iter());
+    let straight = tendons.map(|tendon| spec.disks[tendon.end_disk].station);
+    let each = straight.enumerate();
+    each.map(|(i, length)| length - solver.tendon_length(i).unwrap())
+        .collect()
 }
 
 /// Lengths of a solve under tension control, used as displacements, return the tensions.
@@ -62,12 +78,7 @@ fn lengths_return_tensions() {
                 ..by_tensions(&given_tensions)
             };
             assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
-            let given: Vec<_> = (0..m)
-                .map(|i| {
-                    let end = robot.spec().tendons[i].end_disk;
-                    robot.spec().disks[end].station - solver.tendon_length(i).unwrap()
-                })
-                .collect();
+            let given = shortened(&solver);
             path.reset();
             let found = step(&mut path, &displacements(&given), &load);
             assert_eq!(
@@ -113,12 +124,7 @@ fn least_tensions_without_extension() {
                 .collect();
             let load = by_tensions(&given_tensions);
             solver.solve(&load).unwrap();
-            let given: Vec<_> = (0..m)
-                .map(|i| {
-                    let end = robot.spec().tendons[i].end_disk;
-                    robot.spec().disks[end].station - solver.tendon_length(i).unwrap()
-                })
-                .collect();
+            let given = shortened(&solver);
             path.reset();
             let found = step(&mut path, &displacements(&given), &load);
             assert_eq!(
@@ -232,14 +238,17 @@ fn random_displacements() {
 }
 
 fn with_friction(robot: &Robot, friction: f64) -> PathSolver {
-    let lines = vec![
-        Line {
-            friction,
-            ..Line::default()
-        };
-        robot.tendon_count()
-    ];
-    PathSolver::new(robot, Model::default(), 1, &lines).unwrap()
+    let line = Line {
+        friction,
+        ..Line::default()
+    };
+    PathSolver::new(
+        robot,
+        Model::default(),
+        1,
+        &vec![line; robot.tendon_count()],
+    )
+    .unwrap()
 }
 
 /// Angles of a tendon at its holes, from the poses of the disks alone.
@@ -297,12 +306,7 @@ fn friction_takes_few_steps() {
         };
         let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
         assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
-        let taken_in: Vec<_> = (0..given.len())
-            .map(|i| {
-                let end = robot.spec().tendons[i].end_disk;
-                robot.spec().disks[end].station - solver.tendon_length(i).unwrap()
-            })
-            .collect();
+        let taken_in = shortened(&solver);
         for commands in [tensions(&given), displacements(&taken_in)] {
             let found = step(&mut with_friction(&robot, 0.1), &commands, &load);
             println!("{} steps", found.iterations);
@@ -603,13 +607,8 @@ fn buckled_columns_are_unstable() {
 #[test]
 fn least_tensions_of_four_tendons() {
     let mut spec = study_robot(9, 0.0).spec().clone();
-    spec.tendons = [0.0f64, 90.0, 180.0, 270.0]
-        .map(|a| Tendon {
-            holes: vec![[0.029 * a.to_radians().cos(), 0.029 * a.to_radians().sin()]],
-            end_disk: 8,
-            pushes: false,
-        })
-        .to_vec();
+    let angles = [0.0, 90.0, 180.0, 270.0];
+    spec.tendons = angles.map(|a| Tendon::parallel(hole(0.029, a), 8)).to_vec();
     let robot = Robot::new(spec).unwrap();
     let mut path = path_solver(&robot, Model::default());
     let none = by_tensions(&[0.0; 4]);
@@ -639,26 +638,14 @@ fn rows_match_single_steps() {
         .flat_map(|i| [1e-4 * i as f64, 5.0, draw.within(0.0, 3.0)])
         .collect();
     let by_displacement = [true, false, false].repeat(rows);
-    let steps = Steps {
-        durations: &[],
-        loads: Loads {
-            count: rows,
-            tensions: &values,
-            gravity: &[0.0, 0.0, -9.81],
-            tip_force: &[0.1, 0.0, 0.0],
-            tip_moment: &[0.0; 3],
-            ..Loads::default()
-        },
-        by_displacement: &by_displacement,
-    };
-    let lines = vec![
-        Line {
-            friction: 0.1,
-            ..Line::default()
-        };
-        m
-    ];
-    let home = PathSolver::new(&robot, Model::default(), 1, &lines).unwrap();
+    let steps = steps(
+        rows,
+        &values,
+        &by_displacement,
+        &[0.0, 0.0, -9.81],
+        &[0.1, 0.0, 0.0],
+    );
+    let home = with_friction(&robot, 0.1);
     let path = follow(&mut home.clone(), &steps, true).unwrap();
     let each = solve_each(&mut home.clone(), &steps, 2, false).unwrap();
     assert!(each.poses.disk_position.is_empty());
@@ -775,18 +762,13 @@ fn displacements_side_by_side() {
         let mut draw = Draw(41);
         let (values, by_displacement) = random_rows(&robot, rows, &mut draw);
         let tip_force: Vec<f64> = (0..3 * rows).map(|_| draw.within(-0.02, 0.02)).collect();
-        let steps = Steps {
-            durations: &[],
-            loads: Loads {
-                count: rows,
-                tensions: &values,
-                gravity: &[0.0, 0.0, -9.81],
-                tip_force: &tip_force,
-                tip_moment: &[0.0; 3],
-                ..Loads::default()
-            },
-            by_displacement: &by_displacement,
-        };
+        let steps = steps(
+            rows,
+            &values,
+            &by_displacement,
+            &[0.0, 0.0, -9.81],
+            &tip_force,
+        );
         for line in [Line::default(), elastic] {
             let home = PathSolver::new(&robot, Model::default(), None, &vec![line; m]).unwrap();
             let each = solve_each(&mut home.clone(), &steps, 2, false).unwrap();
@@ -816,18 +798,7 @@ fn opposing_displacements_side_by_side_are_unstable_beyond_buckling() {
     let home = PathSolver::new(&robot, Model::default(), 1, &[line; 3]).unwrap();
     let rows = 60;
     let values: Vec<f64> = (0..3 * rows).map(|at| 2e-3 * (at / 3) as f64).collect();
-    let steps = Steps {
-        durations: &[],
-        loads: Loads {
-            count: rows,
-            tensions: &values,
-            gravity: &[0.0; 3],
-            tip_force: &[0.0; 3],
-            tip_moment: &[0.0; 3],
-            ..Loads::default()
-        },
-        by_displacement: &vec![true; 3 * rows],
-    };
+    let steps = steps(rows, &values, &[true; 3 * 60], &[0.0; 3], &[0.0; 3]);
     let each = solve_each(&mut home.clone(), &steps, 1, false).unwrap();
     let mut unstable = 0;
     for i in 0..rows {
@@ -857,18 +828,7 @@ fn rows_side_by_side_do_not_depend_on_those_before() {
             false => draw.within(0.0, 0.5),
         })
         .collect();
-    let steps = Steps {
-        durations: &[],
-        loads: Loads {
-            count: rows,
-            tensions: &values,
-            gravity: &[0.0; 3],
-            tip_force: &[0.0; 3],
-            tip_moment: &[0.0; 3],
-            ..Loads::default()
-        },
-        by_displacement: &by_displacement,
-    };
+    let steps = steps(rows, &values, &by_displacement, &[0.0; 3], &[0.0; 3]);
     let one = solve_each(&mut home.clone(), &steps, 1, false).unwrap();
     for from in (0..rows).step_by(16) {
         let part = Steps {
@@ -900,18 +860,7 @@ fn displacements_beyond_the_length_of_a_shorter_robot() {
     }
     let short = Robot::new(spec).unwrap();
     let values = [0.01, 0.0, 0.0, 0.25, 0.0, 0.0].repeat(2);
-    let steps = Steps {
-        durations: &[],
-        loads: Loads {
-            count: 4,
-            tensions: &values,
-            gravity: &[0.0; 3],
-            tip_force: &[0.0; 3],
-            tip_moment: &[0.0; 3],
-            ..Loads::default()
-        },
-        by_displacement: &[true; 12],
-    };
+    let steps = steps(4, &values, &[true; 12], &[0.0; 3], &[0.0; 3]);
     for (robots, place) in [
         ([long.clone(), short.clone()], "robot 1, load 1"),
         ([short, long], "robot 0, load 1"),
@@ -933,18 +882,13 @@ fn paths_of_several_robots() {
     let robots: Vec<Robot> = (0..11).map(|i| study_robot(9, 2e-4 * i as f64)).collect();
     let m = robots[0].tendon_count();
     let (values, by_displacement) = random_rows(&robots[0], each * robots.len(), &mut draw);
-    let steps = Steps {
-        durations: &[],
-        loads: Loads {
-            count: each * robots.len(),
-            tensions: &values,
-            gravity: &[0.0, 3.0, -9.81],
-            tip_force: &[0.01, 0.0, 0.0],
-            tip_moment: &[0.0; 3],
-            ..Loads::default()
-        },
-        by_displacement: &by_displacement,
-    };
+    let steps = steps(
+        each * robots.len(),
+        &values,
+        &by_displacement,
+        &[0.0, 3.0, -9.81],
+        &[0.01, 0.0, 0.0],
+    );
     for with_friction in [0, 3, robots.len()] {
         let lines: Vec<Line> = (0..robots.len() * m)
             .map(|at| Line {
@@ -1071,14 +1015,7 @@ fn stated_errors_of_paths_cover_those_that_the_path_carries() {
 #[test]
 fn work_of_a_step_is_bounded() {
     let robot = study_robot(100, 0.0);
-    let lines = vec![
-        Line {
-            friction: 0.5,
-            ..Line::default()
-        };
-        3
-    ];
-    let mut path = PathSolver::new(&robot, Model::default(), 1, &lines).unwrap();
+    let mut path = with_friction(&robot, 0.5);
     let load = by_tensions(&[0.0; 3]);
     let outcome = step(&mut path, &displacements(&[0.08, 0.08, -0.08]), &load);
     assert_eq!(outcome.status, Status::MaxIterations);

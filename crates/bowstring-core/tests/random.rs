@@ -6,8 +6,9 @@
 
 #[path = "common/cases.rs"]
 mod cases;
+mod common;
 
-use bowstring_core::model::load::{Load, Theory};
+use bowstring_core::model::load::{PointLoad, Theory};
 use bowstring_core::model::robot::{Profile, Robot};
 use bowstring_core::statics::solver::{Outcome, Solver, Status, TOLERANCE};
 use cases::{hostile, Case, Draw};
@@ -19,7 +20,6 @@ fn realistic_robots_converge_from_straight() {
     let mut closed = 0;
     let (mut worst_fine, mut worst_ratio) = (0.0f64, 0.0f64);
     let mut gaps = vec![];
-    let mut tensions = vec![];
     while kept < 10_000 {
         let case = Case::realistic(&mut Draw::new(1, drawn));
         drawn += 1;
@@ -28,8 +28,8 @@ fn realistic_robots_converge_from_straight() {
             continue;
         };
         kept += 1;
-        let mut solver = Solver::new(&robot, case.model(), 1).unwrap();
-        let load = case.at(1.0, &mut tensions);
+        let mut solver = Solver::new(&robot, case.model, 1).unwrap();
+        let load = case.load.borrow();
         let outcome = solver.solve(&load).unwrap();
         if outcome.status != Status::Converged {
             println!("draw {}: {outcome:?}", drawn - 1);
@@ -47,7 +47,7 @@ fn realistic_robots_converge_from_straight() {
         gaps.push(gap);
         // finer elements distinguish discretisation error from a wrong solution
         if gap > 1e-3 || kept % 50 == 0 {
-            let mut solver = Solver::new(&robot, case.model(), 8).unwrap();
+            let mut solver = Solver::new(&robot, case.model, 8).unwrap();
             if solver.solve(&load).unwrap().status != Status::Converged {
                 // disks of the finer rod can collide where those of the coarse one just do not
                 closed += 1;
@@ -55,7 +55,7 @@ fn realistic_robots_converge_from_straight() {
             }
             let gap_fine = case.gap(&robot, &solver, 100).expect("not that taut");
             // fourth order; shear and extension are averaged over a module whatever its elements
-            let most = match case.theory {
+            let most = match case.model.theory {
                 Theory::Kirchhoff => f64::max(1e-6, gap / 300.0),
                 Theory::Cosserat => f64::max(1e-5, gap / 40.0),
             };
@@ -104,16 +104,9 @@ fn hostile_robots_give_no_wrong_solution() {
                 continue;
             }
         };
-        let mut solver = Solver::new(&robot, case.model(), 1).unwrap();
-        let load = Load {
-            tensions: &case.tensions,
-            gravity: case.spec.gravity,
-            tip_force: case.tip_force.0,
-            tip_moment: case.tip_moment.0,
-            ..Load::default()
-        };
+        let mut solver = Solver::new(&robot, case.model, 1).unwrap();
         let start = Instant::now();
-        let outcome = match solver.solve(&load) {
+        let outcome = match solver.solve(&case.load.borrow()) {
             Ok(outcome) => outcome,
             Err(e) => {
                 one_sentence(&e.to_string());
@@ -172,11 +165,11 @@ fn stated_error_covers_the_error() {
     for theory in [Theory::Kirchhoff, Theory::Cosserat] {
         for (elements, torsion) in [(1, 1.0), (2, 1.0), (1, 0.02)] {
             let (mut kept, mut covered, mut close, mut drawn) = (0, 0, 0, 0);
-            let (mut ratios, mut tensions) = (vec![], vec![]);
+            let mut ratios = vec![];
             while kept < 500 {
                 let mut case = Case::realistic(&mut Draw::new(7, drawn));
                 drawn += 1;
-                case.theory = theory;
+                case.model.theory = theory;
                 for section in case
                     .spec
                     .backbone
@@ -186,9 +179,9 @@ fn stated_error_covers_the_error() {
                     section.torsion *= torsion;
                 }
                 let robot = Robot::new(case.spec.clone()).unwrap();
-                let load = case.at(1.0, &mut tensions);
-                let mut fine = Solver::new(&robot, case.model(), 8).unwrap();
-                let mut coarse = Solver::new(&robot, case.model(), elements).unwrap();
+                let load = case.load.borrow();
+                let mut fine = Solver::new(&robot, case.model, 8).unwrap();
+                let mut coarse = Solver::new(&robot, case.model, elements).unwrap();
                 let mut found = fine.solve(&load).unwrap();
                 let mut outcome = coarse.solve(&load).unwrap();
                 let sound = |o: &Outcome| o.status == Status::Converged && !o.left_unstable;
@@ -227,4 +220,46 @@ fn stated_error_covers_the_error() {
             assert!(covered * 100 >= kept * 99 && close * 10 >= kept * 9);
         }
     }
+}
+
+/// 2 000 robots with all of it: tapered, flat, precurved, routed freely through thick holes, with
+/// payloads, and with forces on disks, beside their centres and along the backbone. Where a path in
+/// small steps reaches a stable equilibrium, a single solve finds one too.
+#[test]
+fn robots_with_everything_converge() {
+    let (mut known, mut found, mut worst) = (0, 0, 0.0_f64);
+    for number in 0..2000 {
+        let case = Case::realistic(&mut Draw::new(41, number));
+        let mut draw = Draw::new(43, number);
+        let mut case = case.tapered(&mut draw).routed(&mut draw).laden(&mut draw);
+        let robot = Robot::new(case.spec.clone()).unwrap();
+        // small beside the tensions and the force on the tip
+        let (n, length) = (robot.module_count(), robot.length());
+        let size = 0.2 * robot.moment_scale() / length;
+        let mut force = |size: f64| (draw.direction() * (size * draw.within(0.0, 1.0))).0;
+        case.load.disk_forces = (0..n).map(|_| force(size)).collect();
+        case.load.line_forces = vec![force(size / length); n];
+        let point = |disk| PointLoad {
+            disk,
+            point: force(0.05 * length),
+            force: force(size),
+            ..PointLoad::default()
+        };
+        case.load.point_loads = [number % n, n - 1].map(point).to_vec();
+        let Some(tip) = case.forward_path(&robot) else {
+            continue;
+        };
+        known += 1;
+        let mut solver = Solver::new(&robot, case.model, 1).unwrap();
+        let outcome = solver.solve(&case.load.borrow()).unwrap();
+        if outcome.status == Status::Converged {
+            found += 1;
+            assert_ne!(outcome.stable, Some(false), "draw {number}");
+            let again = solver.tip().unwrap().position;
+            worst = worst.max((again - tip).norm() / length);
+        }
+    }
+    println!("{found} of {known} known equilibria found; farthest tip {worst:.2}");
+    assert!(known > 1200, "{known}");
+    assert!(found as f64 >= 0.99 * known as f64, "{found} of {known}");
 }

@@ -27,3 +27,7 @@ pub mod dispatch;
 #[cfg(test)]
 #[path = "../../bowstring-core/tests/common/random.rs"]
 mod random;
+
+#[cfg(test)]
+#[path = "../../bowstring-core/tests/common/parts.rs"]
+mod parts;

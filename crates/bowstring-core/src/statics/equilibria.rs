@@ -385,42 +385,18 @@ fn common(mut rows: Vec<f64>) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::model::load::PointLoad;
-    use crate::model::robot::{Disk, Payload, Profile, RobotSpec, Section, Tendon};
+    use crate::model::robot::{Payload, Profile, RobotSpec, Section};
+    use crate::parts;
     use crate::statics::batch::solve_batch;
     use crate::statics::solver::Status;
 
     fn robot() -> Robot {
-        let section = |bending: f64| Section {
-            bending: [bending; 2],
-            principal_angle: 0.0,
-            torsion: 0.8 * bending,
-            axial: 7e5,
-            shear: 2.6e5,
-            mass_per_length: 0.035,
-            rotary_inertia: 5.5e-8,
+        let sections = [1.1, 0.7].map(|bending| Section {
             rest_curvature: [0.3, 0.0, 0.0],
-        };
-        let disks = (0..8).map(|k| Disk {
-            hole_length: 0.0,
-            station: 0.07 * (k + 1) as f64,
-            clamped_length: 0.002,
-            mass: 0.02,
-            inertia: [5.1e-6, 1.0e-5],
-            segment: usize::from(k > 3),
+            ..parts::section(bending)
         });
-        let tendons = (0..4).map(|i| Tendon {
-            holes: vec![[0.02 * (i as f64).cos(), 0.02 * (i as f64).sin()]],
-            end_disk: if i < 2 { 3 } else { 7 },
-            pushes: false,
-        });
-        Robot::new(RobotSpec {
-            payloads: vec![],
-            backbone: vec![section(1.1).into(), section(0.7).into()],
-            disks: disks.collect(),
-            tendons: tendons.collect(),
-            gravity: [0.0, 0.0, -9.81],
-        })
-        .unwrap()
+        let spec = parts::robot(&sections, &[4, 4], [0.07, 0.002], 1.0, &[3, 3, 7, 7]);
+        Robot::new(spec).unwrap()
     }
 
     /// Rows of numbers that vary with the row and the column.

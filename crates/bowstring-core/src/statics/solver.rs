@@ -526,42 +526,19 @@ mod tests {
     use super::*;
     use crate::math::instructions::Instructions;
     use crate::model::load::PointLoad;
-    use crate::model::robot::{Disk, Profile, RobotSpec, Section, Tendon};
+    use crate::model::robot::{Profile, RobotSpec, Section};
+    use crate::parts;
 
     fn robot() -> Robot {
         with_backbone(|section| section.into())
     }
 
     fn with_backbone(profile: impl Fn(Section) -> Profile) -> Robot {
-        let section = |bending: f64| Section {
-            bending: [bending; 2],
-            principal_angle: 0.0,
-            torsion: 0.8 * bending,
-            axial: 7e5,
-            shear: 2.6e5,
-            mass_per_length: 0.035,
-            rotary_inertia: 5.5e-8,
-            rest_curvature: [0.0; 3],
-        };
-        let disks = (0..11).map(|k| Disk {
-            hole_length: 0.0,
-            station: 0.06 * (k + 1) as f64,
-            clamped_length: 0.002,
-            mass: 0.02,
-            inertia: [5.1e-6, 1.0e-5],
-            segment: usize::from(k > 5),
-        });
-        let tendons = (0..5).map(|i| Tendon {
-            holes: vec![[0.02 * (i as f64).cos(), 0.02 * (i as f64).sin()]],
-            end_disk: if i < 2 { 5 } else { 10 },
-            pushes: false,
-        });
+        let sections = [1.1, 0.7].map(parts::section);
+        let spec = parts::robot(&sections, &[6, 5], [0.06, 0.002], 1.0, &[5, 5, 10, 10, 10]);
         Robot::new(RobotSpec {
-            payloads: vec![],
-            backbone: vec![profile(section(1.1)), profile(section(0.7))],
-            disks: disks.collect(),
-            tendons: tendons.collect(),
-            gravity: [0.0, 0.0, -9.81],
+            backbone: sections.map(profile).to_vec(),
+            ..spec
         })
         .unwrap()
     }

@@ -120,7 +120,8 @@ impl Solver {
 mod tests {
     use super::*;
     use crate::model::load::Model;
-    use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+    use crate::model::robot::{Robot, Section};
+    use crate::parts;
     use crate::random::Draw;
     use crate::statics::solver::Status;
 
@@ -159,31 +160,11 @@ mod tests {
             bending: [1.0, draw.within(0.5, 3.0)],
             principal_angle: draw.within(-1.0, 1.0),
             torsion: draw.within(0.3, 2.0),
-            axial: 7e5,
-            shear: 2.6e5,
-            mass_per_length: 0.035,
-            rotary_inertia: 5.5e-8,
             rest_curvature: [0.5, -0.3, 0.2].map(|x| x * draw.within(0.0, 1.0)),
+            ..parts::section(1.0)
         };
-        let disk = |k: usize| Disk {
-            hole_length: 0.0,
-            station: 0.06 * (k + 1) as f64,
-            clamped_length: 0.002,
-            mass: 0.02,
-            inertia: [5.1e-6, 1.0e-5],
-            segment: 0,
-        };
-        let hole = |i: usize| [0.02 * (i as f64).cos(), 0.02 * (i as f64).sin()];
-        Robot::new(RobotSpec {
-            payloads: vec![],
-            backbone: vec![section.into()],
-            disks: (0..n).map(disk).collect(),
-            tendons: (0..3)
-                .map(|i| Tendon::parallel(hole(2 * i), n - 1))
-                .collect(),
-            gravity: [0.0; 3],
-        })
-        .unwrap()
+        let spec = parts::robot(&[section], &[n], [0.06, 0.002], 2.0, &[n - 1; 3]);
+        Robot::new(spec).unwrap()
     }
 
     /// The angle of all disks from one pass equals the sum of those by three substitutions for each

@@ -1,17 +1,12 @@
 //! Random robots under random loads, and an independent check of a solution.
 #![allow(dead_code)]
 
-#[path = "random.rs"]
-mod random;
-#[path = "stiffness.rs"]
-mod stiffness;
-
+use super::common::{coupled, section};
+pub use super::common::{inverse, Draw, Stiffness};
 use bowstring_core::math::linalg::{Mat3, Vec3};
-use bowstring_core::model::load::{Load, Model, PointLoad, TendonPath, Theory};
+use bowstring_core::model::load::{Model, OwnedLoad, PointLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Payload, Profile, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::solver::{Pose, Solver, Status};
-pub use random::Draw;
-use stiffness::{coupled, inverse, Stiffness};
 
 impl Draw {
     pub fn direction(&mut self) -> Vec3 {
@@ -27,15 +22,10 @@ impl Draw {
 #[derive(Clone, Debug)]
 pub struct Case {
     pub spec: RobotSpec,
-    pub tensions: Vec<f64>,
-    pub tip_force: Vec3,
-    pub tip_moment: Vec3,
-    /// On disks and between them.
-    pub point_loads: Vec<PointLoad>,
+    pub load: OwnedLoad,
     /// Strains by moments and forces where they are coupled, by segments; empty if none are.
     pub compliances: Vec<Stiffness>,
-    pub theory: Theory,
-    pub tendon: TendonPath,
+    pub model: Model,
 }
 
 impl Case {
@@ -51,27 +41,15 @@ impl Case {
         let (mut station, mut tensions, mut softest) = (0.0, vec![], f64::INFINITY);
         for segment in 0..segments {
             let d = diameter * draw.within(0.7, 1.0).powi(segment as i32);
-            let (area, inertia) = (
-                std::f64::consts::PI * d * d / 4.0,
-                std::f64::consts::PI * d.powi(4) / 64.0,
-            );
-            let shear = young / (2.0 * (1.0 + poisson));
-            backbone.push(Profile::from(Section {
-                bending: [young * inertia; 2],
-                principal_angle: 0.0,
-                torsion: shear * 2.0 * inertia,
-                axial: young * area,
-                shear: shear * area,
-                mass_per_length: density * area,
-                rotary_inertia: density * inertia,
-                rest_curvature: [0.0; 3],
-            }));
+            let round = section(d, young, poisson, density);
+            let bending = round.bending[0];
+            backbone.push(Profile::from(round));
             let length = d * slenderness * draw.within(0.7, 1.0);
             let count = draw.count(2, 20);
             // half of it is also subtracted from the next segment's first module
             let clamp = f64::min(length / count as f64 * draw.within(0.0, 0.4), d * 0.4);
             // the horizontal weight of all disks bends the segment by up to about a third
-            let mass = draw.within(0.0, 1.0) * young * inertia
+            let mass = draw.within(0.0, 1.0) * bending
                 / (length * length)
                 / 9.81
                 / (count * segments * segments) as f64;
@@ -86,7 +64,7 @@ impl Case {
                 });
             }
             station += length;
-            softest = f64::min(softest, young * inertia);
+            softest = f64::min(softest, bending);
             let first = draw.within(0.0, std::f64::consts::TAU);
             let pitch = length * draw.within(0.02, 0.1);
             let holes = draw.count(3, 6);
@@ -105,29 +83,35 @@ impl Case {
                 } else {
                     0.0
                 };
-                tensions.push(theta * young * inertia / (pitch * length));
+                tensions.push(theta * bending / (pitch * length));
             }
         }
         let force = draw.within(0.0, 3.0) * softest / (station * station);
+        let mut often = |size: f64| (draw.direction() * if draw.often(0.7) { size } else { 0.0 }).0;
+        let (gravity, tip_force) = (often(9.81), often(force));
+        let theory = match draw.often(0.5) {
+            true => Theory::Cosserat,
+            false => Theory::Kirchhoff,
+        };
         Case {
             spec: RobotSpec {
                 payloads: vec![],
                 backbone,
                 disks,
                 tendons,
-                gravity: (draw.direction() * if draw.often(0.7) { 9.81 } else { 0.0 }).0,
+                gravity,
             },
-            tensions,
-            tip_force: draw.direction() * if draw.often(0.7) { force } else { 0.0 },
-            tip_moment: Vec3([0.0; 3]),
-            point_loads: vec![],
+            load: OwnedLoad {
+                tensions,
+                gravity,
+                tip_force,
+                ..OwnedLoad::default()
+            },
             compliances: vec![],
-            theory: if draw.often(0.5) {
-                Theory::Cosserat
-            } else {
-                Theory::Kirchhoff
+            model: Model {
+                theory,
+                ..Model::default()
             },
-            tendon: TendonPath::Straight,
         }
     }
 
@@ -196,7 +180,7 @@ impl Case {
     /// The same robot with sections by their stiffness matrix, curved without load.
     pub fn coupled(mut self, draw: &mut Draw) -> Self {
         let length = self.spec.disks.last().unwrap().station;
-        self.theory = Theory::Cosserat;
+        self.model.theory = Theory::Cosserat;
         for profile in &mut self.spec.backbone {
             let s = profile.sections()[0];
             let sizes = [
@@ -240,7 +224,7 @@ impl Case {
             let end = disks[disk].station - 0.5 * disks[disk].clamped_length;
             let within = draw.within(0.1, 0.9);
             let between = start + clamp + within * (end - start - clamp);
-            self.point_loads.push(PointLoad {
+            self.load.point_loads.push(PointLoad {
                 disk,
                 arc_length: draw.often(0.5).then_some(between),
                 point: (draw.direction() * draw.within(0.0, 0.05 * length)).0,
@@ -278,45 +262,32 @@ impl Case {
         self
     }
 
-    pub fn model(&self) -> Model {
-        Model {
-            theory: self.theory,
-            tendon: self.tendon,
-            twist: true,
-        }
-    }
-
-    pub fn at<'a>(&self, fraction: f64, tensions: &'a mut Vec<f64>) -> Load<'a> {
-        tensions.clear();
-        tensions.extend(self.tensions.iter().map(|t| t * fraction));
-        Load {
-            tensions,
-            gravity: self.spec.gravity.map(|g| g * fraction),
-            tip_force: (self.tip_force * fraction).0,
-            tip_moment: (self.tip_moment * fraction).0,
-            ..Load::default()
-        }
+    /// A fraction of the load.
+    pub fn at(&self, fraction: f64) -> OwnedLoad {
+        let mut load = self.load.clone();
+        load.scale(fraction, fraction);
+        load
     }
 
     /// Tip at the end of a forward path from rest; `None` unless stable at every step and without
     /// jumps.
     pub fn forward_path(&self, robot: &Robot) -> Option<Vec3> {
-        let mut solver = Solver::new(robot, self.model(), 1).unwrap();
-        let mut tensions = vec![];
-        let mut tip = Vec3([0.0, 0.0, robot.length()]);
-        for step in 1..=16 {
-            let load = self.at(step as f64 / 16.0, &mut tensions);
-            let outcome = solver.solve_next(&load).unwrap();
+        let mut solver = Solver::new(robot, self.model, 1).unwrap();
+        let mut tip: Option<Vec3> = None;
+        for step in 0..=16 {
+            let load = self.at(step as f64 / 16.0);
+            let outcome = solver.solve_next(&load.borrow()).unwrap();
             let sound = outcome.status == Status::Converged
                 && outcome.stable == Some(true)
                 && !outcome.left_unstable;
             let place = solver.tip()?.position;
-            if !sound || (place - tip).norm() > 0.25 * robot.length() {
+            let jumps = tip.is_some_and(|tip| (place - tip).norm() > 0.25 * robot.length());
+            if !sound || jumps {
                 return None;
             }
-            tip = place;
+            tip = Some(place);
         }
-        Some(tip)
+        tip
     }
 
     /// Residual of the poses in the rod's differential equations: the largest gap at a disk, in
@@ -324,7 +295,8 @@ impl Case {
     /// by the integration along a taut module; `None` where that is a thousand or more.
     pub fn gap(&self, robot: &Robot, solver: &Solver, steps: usize) -> Option<f64> {
         let spec = robot.spec();
-        let gravity = Vec3(spec.gravity);
+        let load = &self.load;
+        let gravity = Vec3(load.gravity);
         let base = Pose {
             rotation: Mat3::identity(),
             position: Vec3([0.0; 3]),
@@ -343,18 +315,20 @@ impl Case {
             poses[k].rotation * Vec3([x, y, side * 0.5 * length])
         };
         // internal force and moment of the backbone beyond the disk, about the disk
-        let (mut force, mut moment) = (self.tip_force, self.tip_moment);
+        let (mut force, mut moment) = (Vec3(load.tip_force), Vec3(load.tip_moment));
         let mut worst: f64 = 0.0;
         for k in (0..spec.disks.len()).rev() {
             let (start, end) = (poses[k], poses[k + 1]);
             let disk = spec.disks[k];
-            force += gravity * disk.mass;
+            let on = |vectors: &[[f64; 3]]| Vec3(vectors.get(k).copied().unwrap_or_default());
+            force += gravity * disk.mass + on(&load.disk_forces);
+            moment += on(&load.disk_moments);
             for payload in spec.payloads.iter().filter(|p| p.disk == k) {
                 let weight = gravity * payload.mass;
                 force += weight;
                 moment += (end.rotation * Vec3(payload.centre)).cross(weight);
             }
-            for (t, tension) in spec.tendons.iter().zip(&self.tensions) {
+            for (t, tension) in spec.tendons.iter().zip(&load.tensions) {
                 if *tension == 0.0 {
                     continue; // its direction may be lost in rounding
                 }
@@ -388,7 +362,7 @@ impl Case {
                 let [force, own] = given.map(|v| if load.follower { turn * v } else { v });
                 [force, (turn * Vec3(load.point)).cross(force) + own]
             };
-            for load in &self.point_loads {
+            for load in &load.point_loads {
                 if load.arc_length.is_none() && load.disk == k {
                     let [f, m] = applied(load, end.rotation);
                     force += f;
@@ -414,22 +388,21 @@ impl Case {
             let from = (before.0 + before.1 - start_of_segment) / along;
             let to = from + flexible / along;
             let s = profile.at(0.5 * (from + to));
+            let line = on(&load.line_forces);
             // clamped backbone weighs as much as the mean of its module
-            let clamp = Section {
-                mass_per_length: profile.mean(from, to, |s| s.mass_per_length),
-                ..s
-            };
-            let stiff = |section: &mut Station, length: f64| section.rigid(&clamp, gravity, length);
+            let clamp = gravity * profile.mean(from, to, |s| s.mass_per_length) + line;
+            let stiff = |section: &mut Station, length: f64| section.rigid(clamp, length);
             stiff(&mut section, disk.clamped_length / 2.0);
             let rod = Flexible {
                 at: &|x: f64| profile.at(from + x * (to - from)),
                 compliance: self.compliances.get(disk.segment),
-                theory: self.theory,
+                theory: self.model.theory,
                 gravity,
+                line,
                 length: flexible,
             };
             // back to each load on it, from the end
-            let mut loads: Vec<_> = (self.point_loads.iter())
+            let mut loads: Vec<_> = (load.point_loads.iter())
                 .filter_map(|load| {
                     let part = (load.arc_length? - before.0 - before.1) / flexible;
                     (0.0..=1.0).contains(&part).then_some((part, load))
@@ -479,6 +452,8 @@ struct Flexible<'a> {
     compliance: Option<&'a Stiffness>,
     theory: Theory,
     gravity: Vec3,
+    /// Force per length.
+    line: Vec3,
     length: f64,
 }
 
@@ -520,10 +495,10 @@ struct Station {
 }
 
 impl Station {
-    /// Integrates backward along a clamp.
-    fn rigid(&mut self, s: &Section, gravity: Vec3, length: f64) {
+    /// Integrates backward along a clamp under a force per length.
+    fn rigid(&mut self, line: Vec3, length: f64) {
         let back = self.pose.rotation.column(2) * length;
-        let weight = gravity * (s.mass_per_length * length);
+        let weight = line * length;
         self.moment += back.cross(self.force) + (back * 0.5).cross(weight);
         self.force += weight;
         self.pose.position -= back;
@@ -542,7 +517,7 @@ impl Station {
                     rotation: *r * u.skew(),
                     position: along,
                 },
-                force: -(rod.gravity * s.mass_per_length),
+                force: -(rod.gravity * s.mass_per_length + rod.line),
                 moment: -along.cross(x.force),
             }
         };
@@ -590,13 +565,13 @@ pub fn hostile(draw: &mut Draw) -> Case {
     }
     if draw.often(0.1) {
         case.spec.tendons.clear();
-        case.tensions.clear();
+        case.load.tensions.clear();
     }
     if draw.often(0.2) {
-        case.tendon = TendonPath::Continuous;
+        case.model.tendon = TendonPath::Continuous;
     }
     if draw.often(0.3) {
-        case.tip_moment = draw.direction() * draw.decades(1e-6, 1e6);
+        case.load.tip_moment = (draw.direction() * draw.decades(1e-6, 1e6)).0;
     }
     for _ in 0..draw.count(1, 4) {
         let value = extreme(draw);
@@ -616,17 +591,20 @@ pub fn hostile(draw: &mut Draw) -> Case {
             6 => d.clamped_length = value,
             7 => d.mass = value,
             8 => spec.gravity[axis] = value,
-            9 => case.tip_force[axis] = value,
-            10 => case.tip_moment[axis] = value,
+            9 => case.load.tip_force[axis] = value,
+            10 => case.load.tip_moment[axis] = value,
             11 => d.segment = draw.count(0, 3),
-            kind if spec.tendons.is_empty() => case.tensions.extend((kind > 13).then_some(value)),
+            kind if spec.tendons.is_empty() => {
+                case.load.tensions.extend((kind > 13).then_some(value))
+            }
             kind => {
                 let i = draw.count(0, spec.tendons.len() - 1);
                 match kind {
                     12 => spec.tendons[i].holes[0] = [value, extreme(draw)],
                     13 => spec.tendons[i].holes[0] = [0.0; 2],
-                    14 => case.tensions[i] = value,
+                    14 => case.load.tensions[i] = value,
                     _ => case
+                        .load
                         .tensions
                         .iter_mut()
                         .for_each(|t| *t *= draw.decades(1.0, 1e9)),
@@ -646,5 +624,6 @@ pub fn hostile(draw: &mut Draw) -> Case {
             .iter_mut()
             .for_each(|d| d.clamped_length = 0.0);
     }
+    case.load.gravity = case.spec.gravity;
     case
 }

@@ -1,25 +1,25 @@
 //! The study's robot, for tests and benchmarks.
 #![allow(dead_code)]
 
-use bowstring_core::model::load::Load;
-use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+#[path = "random.rs"]
+mod random;
+#[path = "stiffness.rs"]
+mod stiffness;
+
+use bowstring_core::dynamics::integrator::{Count, Damping, Integrator, Simulator, Step};
+use bowstring_core::model::load::{Load, Model, Theory};
+use bowstring_core::model::robot::{Disk, Profile, Robot, RobotSpec, Tendon};
+use bowstring_core::statics::path::Command;
+use bowstring_core::statics::solver::{Outcome, Pose, Solver, Status};
+#[allow(unused_imports)]
+pub use {random::Draw, stiffness::*};
 
 pub const LENGTH: f64 = 0.641;
 
-pub fn section(diameter: f64, young: f64, poisson: f64, density: f64) -> Section {
-    let area = std::f64::consts::PI * diameter * diameter / 4.0;
-    let inertia = std::f64::consts::PI * diameter.powi(4) / 64.0;
-    let shear = young / (2.0 * (1.0 + poisson));
-    Section {
-        bending: [young * inertia; 2],
-        principal_angle: 0.0,
-        torsion: shear * 2.0 * inertia,
-        axial: young * area,
-        shear: shear * area,
-        mass_per_length: density * area,
-        rotary_inertia: density * inertia,
-        rest_curvature: [0.0; 3],
-    }
+/// Hole at a distance from the backbone (m), at an angle in degrees.
+pub fn hole(distance: f64, angle: f64) -> [f64; 2] {
+    let (sin, cos) = angle.to_radians().sin_cos();
+    [distance * cos, distance * sin]
 }
 
 /// Amouri 2019, Table 1, with `n` disks of the same total mass and 35 GPa.
@@ -35,11 +35,7 @@ pub fn study_robot(n: usize, clamped_length: f64) -> Robot {
         inertia: [across, mass * radius.powi(2) / 2.0],
         segment: 0,
     });
-    let tendons = [0.0f64, 120.0, 240.0].map(|a| Tendon {
-        holes: vec![[0.029 * a.to_radians().cos(), 0.029 * a.to_radians().sin()]],
-        end_disk: n - 1,
-        pushes: false,
-    });
+    let tendons = [0.0f64, 120.0, 240.0].map(|a| Tendon::parallel(hole(0.029, a), n - 1));
     Robot::new(RobotSpec {
         payloads: vec![],
         backbone: vec![section(0.005, 35e9, 0.3, 1800.0).into()],
@@ -68,11 +64,7 @@ pub fn rao_robot() -> Robot {
         segment: usize::from(k > 10),
     });
     let tendons = [9, 19].into_iter().flat_map(|end_disk| {
-        [90.0f64, -30.0, 210.0].map(|a| Tendon {
-            holes: vec![[0.01 * a.to_radians().cos(), 0.01 * a.to_radians().sin()]],
-            end_disk,
-            pushes: false,
-        })
+        [90.0f64, -30.0, 210.0].map(|a| Tendon::parallel(hole(0.01, a), end_disk))
     });
     let backbone = section(0.0014, 54e9, 0.3, 6450.0);
     Robot::new(RobotSpec {
@@ -85,15 +77,79 @@ pub fn rao_robot() -> Robot {
     .unwrap()
 }
 
-/// SplitMix64: the same draws on every platform.
-pub struct Draw(pub u64);
+/// A backbone without tendons, in equal modules between disks without mass.
+pub fn rod(profile: Profile, length: f64, modules: usize) -> Robot {
+    let disk = |k: usize| Disk {
+        hole_length: 0.0,
+        station: length * k as f64 / modules as f64,
+        clamped_length: 0.0,
+        mass: 0.0,
+        inertia: [0.0; 2],
+        segment: 0,
+    };
+    Robot::new(RobotSpec {
+        payloads: vec![],
+        backbone: vec![profile],
+        disks: (1..=modules).map(disk).collect(),
+        tendons: vec![],
+        gravity: [0.0; 3],
+    })
+    .unwrap()
+}
 
-impl Draw {
-    pub fn within(&mut self, from: f64, to: f64) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        from + (to - from) * ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+pub fn kirchhoff() -> Model {
+    Model {
+        theory: Theory::Kirchhoff,
+        ..Model::default()
     }
+}
+
+/// Solves a load, which must have a solution.
+pub fn solved(solver: &mut Solver, load: &Load) -> Outcome {
+    let outcome = solver.solve(load).unwrap();
+    assert_eq!(outcome.status, Status::Converged, "{load:?}");
+    outcome
+}
+
+/// Poses of the disks of a solution.
+pub fn disks(solver: &Solver) -> Vec<Pose> {
+    let n = solver.robot().module_count();
+    (0..n).map(|k| solver.disk(k).unwrap()).collect()
+}
+
+/// Largest distance between disks (m).
+pub fn apart(a: &[Pose], b: &[Pose]) -> f64 {
+    let gaps = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| (a.position - b.position).norm());
+    gaps.fold(0.0, f64::max)
+}
+
+/// An undamped integrator, without gravity.
+pub fn fixed_steps(step: f64, spectral_radius: f64) -> Integrator {
+    Integrator {
+        gravity: [0.0; 3],
+        damping: Damping {
+            mass: 0.0,
+            material: 0.0,
+        },
+        spectral_radius,
+        step: Step::Fixed(step),
+    }
+}
+
+/// Advances a motion, which nothing must stop.
+pub fn go(simulator: &mut Simulator, duration: f64, load: &Load) -> Count {
+    let (stop, count) = simulator.advance(duration, load).unwrap();
+    assert_eq!(stop, None, "at {} s", simulator.time());
+    count
+}
+
+pub fn displacements(values: &[f64]) -> Vec<Command> {
+    values.iter().map(|p| Command::Displacement(*p)).collect()
+}
+
+pub fn tensions(values: &[f64]) -> Vec<Command> {
+    values.iter().map(|t| Command::Tension(*t)).collect()
 }

@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 /// SplitMix64: the same draws on every platform, each determined by its index.
-pub struct Draw(u64);
+pub struct Draw(pub u64);
 
 impl Draw {
     pub fn new(test: u64, number: usize) -> Self {

@@ -1,8 +1,27 @@
-//! Stiffness matrices of sections: curvature, twist, shear and extension.
+//! Sections, and stiffness matrices of sections: curvature, twist, shear and extension.
+#![allow(dead_code)]
 
 use super::random::Draw;
+use bowstring_core::model::robot::Section;
 
 pub type Stiffness = [[f64; 6]; 6];
+
+/// A round section.
+pub fn section(diameter: f64, young: f64, poisson: f64, density: f64) -> Section {
+    let area = std::f64::consts::PI * diameter * diameter / 4.0;
+    let inertia = std::f64::consts::PI * diameter.powi(4) / 64.0;
+    let shear = young / (2.0 * (1.0 + poisson));
+    Section {
+        bending: [young * inertia; 2],
+        principal_angle: 0.0,
+        torsion: shear * 2.0 * inertia,
+        axial: young * area,
+        shear: shear * area,
+        mass_per_length: density * area,
+        rotary_inertia: density * inertia,
+        rest_curvature: [0.0; 3],
+    }
+}
 
 /// A random matrix of these sizes in which couplings are this share of the largest possible.
 pub fn coupled(draw: &mut Draw, sizes: [f64; 6], share: f64) -> Stiffness {

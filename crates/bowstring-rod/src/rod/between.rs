@@ -270,6 +270,13 @@ impl<C: Real> Between<C> {
     }
 }
 
+/// Couple of the weight on the node before an element, over the mean weight of an element (m).
+fn couple_by_weight<C: Real, const A: usize>(c: &Constants<C, A>, element: usize) -> C {
+    let (before, after) = (c.part(element - 1), c.part(element));
+    let unequal = (after * after - before * before) * C::splat(1.0 / 12.0);
+    c.flexible * C::splat(2.0 / A as f64) * unequal
+}
+
 impl<L: Layout, const A: usize> Rod<L, A> {
     fn between(&self) -> &Between<L::Chain> {
         &self.attached.between
@@ -356,13 +363,25 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Couples of the weight on the sections, from the mean weight of an element.
     pub fn set_couples(&mut self) {
         for section in &mut self.attached.between.sections {
-            let (k, e) = (section.module, section.element);
-            let c = &self.fixed.modules[k];
-            let (before, after) = (c.part(e - 1), c.part(e));
-            let unequal = (after * after - before * before) * L::Chain::splat(1.0 / 12.0);
-            let element = c.flexible * L::Chain::splat(2.0 / A as f64);
-            section.couple = self.dead.modules[k][3] * (element * unequal);
+            let k = section.module;
+            let by_weight = couple_by_weight(&self.fixed.modules[k], section.element);
+            section.couple = self.dead.modules[k][3] * by_weight;
         }
+    }
+
+    /// Imbalance of the moments on the sections of a module by a change of the mean weight of an
+    /// element, with the arcs of the module before each section.
+    pub fn torques_by_weight(
+        &self,
+        k: usize,
+        weight: Vec3<L::Chain>,
+    ) -> impl Iterator<Item = (usize, Vec3<L::Chain>)> + '_ {
+        let sections = &self.between().sections[self.between().in_module(k)];
+        sections.iter().map(move |section| {
+            let couple = weight * couple_by_weight(&self.fixed.modules[k], section.element);
+            let couple = Vec3::ez().cross(self.rotation_of(section).tr_mul(couple));
+            (section.arcs(), -(self.turned(section) * couple))
+        })
     }
 
     /// Potential of the loads and couples on the sections, without that of the places of the

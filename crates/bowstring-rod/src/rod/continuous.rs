@@ -384,7 +384,8 @@ impl<T: Real, const A: usize> PulledModule<T, A> {
 mod tests {
     use super::*;
     use crate::model::load::{Model, TendonPath};
-    use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+    use crate::model::robot::{Robot, Section, Tendon};
+    use crate::parts;
     use crate::random::Draw;
 
     const STEP: f64 = 1e-5;
@@ -393,30 +394,14 @@ mod tests {
 
     /// A soft module: the tendons shorten it by a tenth.
     fn constants<const A: usize>() -> Constants<f64, A> {
-        let robot = Robot::new(RobotSpec {
-            payloads: vec![],
-            backbone: vec![Section {
-                bending: [0.11; 2],
-                principal_angle: 0.0,
-                torsion: 0.08,
-                axial: 550.0,
-                shear: 190.0,
-                mass_per_length: 0.035,
-                rotary_inertia: 5.5e-8,
-                rest_curvature: [0.0; 3],
-            }
-            .into()],
-            disks: vec![Disk {
-                hole_length: 0.0,
-                station: 0.07,
-                clamped_length: 0.004,
-                mass: 0.02,
-                inertia: [5.1e-6, 1.02e-5],
-                segment: 0,
-            }],
-            tendons: vec![Tendon::parallel(HOLE, 0)],
-            gravity: [0.0; 3],
-        });
+        let section = Section {
+            axial: 550.0,
+            shear: 190.0,
+            ..parts::section(0.11)
+        };
+        let mut spec = parts::robot(&[section], &[1], [0.07, 0.004], 0.0, &[0]);
+        spec.tendons = vec![Tendon::parallel(HOLE, 0)];
+        let robot = Robot::new(spec);
         Constants::new(&robot.unwrap(), 0, Model::default())
     }
 

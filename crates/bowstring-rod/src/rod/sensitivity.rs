@@ -326,6 +326,12 @@ fn source<const A: usize>(
                     }
                 }
             }
+            if Rod::<Scalar, A>::BETWEEN && rod.attached.has_between() {
+                for (arcs, torque) in rod.torques_by_weight(k, weights[k][3]) {
+                    source.moment[..arcs].iter_mut().for_each(|m| *m += torque);
+                    source.start += torque;
+                }
+            }
         }
         _ => {}
     }

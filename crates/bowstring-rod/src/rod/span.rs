@@ -58,37 +58,17 @@ mod tests {
     use super::*;
     use crate::math::lie::exp;
     use crate::model::load::Model;
-    use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+    use crate::model::robot::{Robot, Tendon};
+    use crate::parts;
     use crate::random::Draw;
 
     const STEP: f64 = 1e-6;
     const HOLE: [f64; 2] = [0.02, -0.013];
 
     fn constants<const A: usize>() -> Constants<f64, A> {
-        let robot = Robot::new(RobotSpec {
-            payloads: vec![],
-            backbone: vec![Section {
-                bending: [1.07; 2],
-                principal_angle: 0.0,
-                torsion: 0.83,
-                axial: 6.9e5,
-                shear: 2.6e5,
-                mass_per_length: 0.035,
-                rotary_inertia: 5.5e-8,
-                rest_curvature: [0.0; 3],
-            }
-            .into()],
-            disks: vec![Disk {
-                hole_length: 0.0,
-                station: 0.07,
-                clamped_length: 0.004,
-                mass: 0.02,
-                inertia: [5.1e-6, 1.02e-5],
-                segment: 0,
-            }],
-            tendons: vec![Tendon::parallel(HOLE, 0)],
-            gravity: [0.0; 3],
-        });
+        let mut spec = parts::robot(&[parts::section(1.07)], &[1], [0.07, 0.004], 0.0, &[0]);
+        spec.tendons = vec![Tendon::parallel(HOLE, 0)];
+        let robot = Robot::new(spec);
         Constants::new(&robot.unwrap(), 0, Model::default())
     }
 

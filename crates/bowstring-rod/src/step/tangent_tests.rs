@@ -3,7 +3,8 @@
 use crate::math::linalg::Vec3;
 use crate::math::real::Scalar;
 use crate::model::load::{Load, Model, PointLoad, TendonPath, Theory};
-use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use crate::model::robot::{Robot, RobotSpec, Section};
+use crate::parts;
 use crate::random::Draw;
 use crate::rod::chain::Rod;
 use crate::step::{Damping, Motion, Moving};
@@ -15,36 +16,15 @@ fn vector(draw: &mut Draw, size: f64) -> Vec3 {
 /// Four modules with enough shear and extension to affect the results.
 fn robot() -> Robot {
     let section = Section {
-        bending: [1.1; 2],
-        principal_angle: 0.0,
-        torsion: 0.8,
         axial: 900.0,
         shear: 400.0,
         mass_per_length: 0.9,
         rotary_inertia: 2e-5,
-        rest_curvature: [0.0; 3],
+        ..parts::section(1.1)
     };
-    let disks = (0..4).map(|k| Disk {
-        hole_length: 0.0,
-        station: 0.07 * (k + 1) as f64,
-        clamped_length: 0.004,
-        mass: 0.05,
-        inertia: [5.1e-6, 1.0e-5],
-        segment: 0,
-    });
-    let tendons = (0..3).map(|i| Tendon {
-        holes: vec![[0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()]],
-        end_disk: if i == 0 { 2 } else { 3 },
-        pushes: false,
-    });
-    Robot::new(RobotSpec {
-        payloads: vec![],
-        backbone: vec![section.into()],
-        disks: disks.collect(),
-        tendons: tendons.collect(),
-        gravity: [0.0; 3],
-    })
-    .unwrap()
+    let mut spec = parts::robot(&[section], &[4], [0.07, 0.004], 2.0, &[2, 3, 3]);
+    spec.disks.iter_mut().for_each(|disk| disk.mass = 0.05);
+    Robot::new(spec).unwrap()
 }
 
 const DISK_FORCES: [[f64; 3]; 4] = [

@@ -5,30 +5,9 @@ use super::{Damping, Motion, Moving};
 use crate::math::linalg::Vec3;
 use crate::math::real::Scalar;
 use crate::model::load::{Load, Model};
-use crate::model::robot::{Disk, Profile, Robot, RobotSpec, Section, Tendon};
+use crate::model::robot::{Profile, Robot, Section};
+use crate::parts;
 use crate::rod::chain::in_group;
-
-const SECTION: Section = Section {
-    bending: [1.1; 2],
-    principal_angle: 0.0,
-    torsion: 0.8,
-    axial: 7e5,
-    shear: 2.6e5,
-    mass_per_length: 0.035,
-    rotary_inertia: 5.5e-8,
-    rest_curvature: [0.0; 3],
-};
-
-fn robot(disks: Vec<Disk>, tendons: Vec<Tendon>) -> Robot {
-    Robot::new(RobotSpec {
-        payloads: vec![],
-        backbone: vec![SECTION.into()],
-        disks,
-        tendons,
-        gravity: [0.0; 3],
-    })
-    .unwrap()
-}
 
 /// Clamps on a tapered backbone have the mass that weighs in statics.
 #[test]
@@ -37,27 +16,13 @@ fn tapered_clamps_have_the_mass_of_their_weight() {
         let diameter: f64 = 1.0 - 0.6 * fraction;
         Section {
             mass_per_length: 0.035 * diameter.powi(2),
-            ..SECTION
+            ..parts::section(1.1)
         }
     };
-    let disks = (1..=3).map(|k| Disk {
-        hole_length: 0.0,
-        station: 0.07 * k as f64,
-        clamped_length: 0.03,
-        mass: 0.002,
-        inertia: [5.1e-6, 1.0e-5],
-        segment: 0,
-    });
-    let robot = Robot::new(RobotSpec {
-        payloads: vec![],
-        backbone: vec![Profile::Tapered(Box::new(
-            [0.0, 0.25, 0.5, 0.75, 1.0].map(at),
-        ))],
-        disks: disks.collect(),
-        tendons: vec![Tendon::parallel([0.02, 0.0], 2)],
-        gravity: [0.0; 3],
-    })
-    .unwrap();
+    let mut spec = parts::robot(&[], &[3], [0.07, 0.03], 0.0, &[2]);
+    let sections = [0.0, 0.25, 0.5, 0.75, 1.0].map(at);
+    spec.backbone = vec![Profile::Tapered(Box::new(sections))];
+    let robot = Robot::new(spec).unwrap();
     let still = Damping {
         mass: 0.0,
         material: 0.0,
@@ -74,22 +39,13 @@ fn tapered_clamps_have_the_mass_of_their_weight() {
 /// clamped lengths included.
 #[test]
 fn rigid_rotation_has_the_inertia_of_the_rod() {
-    let disks = (0..4).map(|k| Disk {
-        hole_length: 0.0,
-        // 20 mm between all clamps; the last disk would clamp on one side only, and clamps nothing
-        // here
-        station: if k < 3 { 0.045 + 0.07 * k as f64 } else { 0.23 },
-        clamped_length: if k < 3 { 0.05 } else { 0.0 },
-        mass: 0.002,
-        inertia: [5.1e-6, 1.0e-5],
-        segment: 0,
-    });
-    let tendon = Tendon {
-        holes: vec![[0.02, 0.0]],
-        end_disk: 3,
-        pushes: false,
-    };
-    let robot = robot(disks.collect(), vec![tendon]);
+    let section = parts::section(1.1);
+    let mut spec = parts::robot(&[section], &[4], [0.07, 0.05], 0.0, &[3]);
+    // 20 mm between all clamps; the last disk would clamp on one side only, and clamps nothing here
+    spec.disks.iter_mut().for_each(|disk| disk.station -= 0.025);
+    (spec.disks[3].station, spec.disks[3].clamped_length) = (0.23, 0.0);
+    spec.disks.iter_mut().for_each(|disk| disk.mass = 0.002);
+    let robot = Robot::new(spec).unwrap();
     let still = Damping {
         mass: 0.0,
         material: 0.0,
@@ -110,9 +66,9 @@ fn rigid_rotation_has_the_inertia_of_the_rod() {
         .map(|[e1, e3]| e1 + e3)
         .sum();
     let length = robot.length();
-    let mut whole = SECTION.mass_per_length * length.powi(3) / 3.0;
+    let mut whole = section.mass_per_length * length.powi(3) / 3.0;
     // the rotary inertia of the first half module belongs to the base
-    whole += SECTION.rotary_inertia * (length - robot.modules[0].flexible / 2.0);
+    whole += section.rotary_inertia * (length - robot.modules[0].flexible / 2.0);
     for disk in &robot.spec().disks {
         whole += disk.mass * disk.station.powi(2) + disk.inertia[0];
     }
@@ -125,20 +81,8 @@ fn rigid_rotation_has_the_inertia_of_the_rod() {
 /// arcs, whose weight also acts on the base, is left out on both sides.
 #[test]
 fn momentum_balances_with_the_base() {
-    let disks = (0..9).map(|k| Disk {
-        hole_length: 0.0,
-        station: 0.07 * (k + 1) as f64,
-        clamped_length: 0.0,
-        mass: 0.02,
-        inertia: [5.1e-6, 1.0e-5],
-        segment: 0,
-    });
-    let tendons = (0..3).map(|i| Tendon {
-        holes: vec![[0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()]],
-        end_disk: 8,
-        pushes: false,
-    });
-    let robot = robot(disks.collect(), tendons.collect());
+    let spec = parts::robot(&[parts::section(1.1)], &[9], [0.07, 0.0], 2.0, &[8; 3]);
+    let robot = Robot::new(spec).unwrap();
     let gravity = Vec3([1.0, 2.0, -9.0]);
     let damping = Damping {
         mass: 0.7,

@@ -123,42 +123,18 @@ impl InverseSolver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::robot::{Disk, RobotSpec, Section, Tendon};
+    use crate::model::robot::Section;
+    use crate::parts;
 
     fn robot() -> Robot {
         let section = Section {
             bending: [1.0, 1.3],
             principal_angle: 0.2,
-            torsion: 0.8,
-            axial: 7e5,
-            shear: 2.6e5,
-            mass_per_length: 0.035,
-            rotary_inertia: 5.5e-8,
             rest_curvature: [0.4, -0.2, 0.0],
+            ..parts::section(1.0)
         };
-        let disks = (0..8).map(|k| Disk {
-            hole_length: 0.0,
-            station: 0.06 * (k + 1) as f64,
-            clamped_length: 0.0,
-            mass: 0.02,
-            inertia: [5.1e-6, 1.0e-5],
-            segment: usize::from(k > 3),
-        });
-        let tendons = (0..5).map(|i| {
-            let angle = 1.3 * i as f64;
-            Tendon::parallel(
-                [0.02 * angle.cos(), 0.02 * angle.sin()],
-                if i < 2 { 3 } else { 7 },
-            )
-        });
-        Robot::new(RobotSpec {
-            payloads: vec![],
-            backbone: vec![section.into(), section.into()],
-            disks: disks.collect(),
-            tendons: tendons.collect(),
-            gravity: [0.0; 3],
-        })
-        .unwrap()
+        let spec = parts::robot(&[section; 2], &[4, 4], [0.06, 0.0], 1.3, &[3, 3, 7, 7, 7]);
+        Robot::new(spec).unwrap()
     }
 
     /// The tip is that of constant curvature, its derivatives are central differences.

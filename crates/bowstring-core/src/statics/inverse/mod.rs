@@ -304,44 +304,15 @@ impl InverseSolver {
 mod tests {
     use super::trust_region::half_square;
     use super::*;
-    use crate::model::robot::{Disk, RobotSpec, Section, Tendon};
+    use crate::model::robot::Tendon;
+    use crate::parts;
     use crate::statics::solver::{Solver, Status};
 
     /// Two segments with five tendons.
     fn robot() -> Robot {
-        let section = Section {
-            bending: [1.0; 2],
-            principal_angle: 0.0,
-            torsion: 0.8,
-            axial: 7e5,
-            shear: 2.6e5,
-            mass_per_length: 0.035,
-            rotary_inertia: 5.5e-8,
-            rest_curvature: [0.0; 3],
-        };
-        let disks = (0..10).map(|k| Disk {
-            hole_length: 0.0,
-            station: 0.06 * (k + 1) as f64,
-            clamped_length: 0.002,
-            mass: 0.02,
-            inertia: [5.1e-6, 1.0e-5],
-            segment: usize::from(k > 4),
-        });
-        let tendons = (0..5).map(|i| {
-            let angle = 1.3 * i as f64;
-            Tendon::parallel(
-                [0.02 * angle.cos(), 0.02 * angle.sin()],
-                if i < 2 { 4 } else { 9 },
-            )
-        });
-        Robot::new(RobotSpec {
-            payloads: vec![],
-            backbone: vec![section.into(), section.into()],
-            disks: disks.collect(),
-            tendons: tendons.collect(),
-            gravity: [0.0, 0.0, -9.81],
-        })
-        .unwrap()
+        let sections = [parts::section(1.0); 2];
+        let spec = parts::robot(&sections, &[5, 5], [0.06, 0.002], 1.3, &[4, 4, 9, 9, 9]);
+        Robot::new(spec).unwrap()
     }
 
     const TENSIONS: [f64; 5] = [5.0, 12.0, 14.0, 3.0, 9.0];
