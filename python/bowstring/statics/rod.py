@@ -156,7 +156,8 @@ def sweep(
     if actuation.is_by_tensions(robot, load, history):
         rows = _tensions(robot, load)
         late = actuation.checked_times(robot, times, len(rows))
-        rows = actuation.through_drives(robot, np.zeros(rows.shape, bool), rows, late)
+        if late is not None:
+            rows = actuation.through_drives(robot, np.zeros(rows.shape, bool), rows, late)
         found = robot.core.sweep(rows, load, model, warm, disks)
         return Sweep(robot, rows.copy(), model, **found)
     return _follow(robot, load, model, history, disks, threads=None if warm else 1, times=times)
