@@ -70,10 +70,12 @@ def map_job(
 
     Parameters
     ----------
-    robot, tolerance, metric, models, loading, load : object
-        As for `bowstring.validity_map`.
+    robot : Robot
+        The robot.
     over : sequence of str or Axis
         Any number of axes.
+    tolerance, metric, models, loading, load : object
+        As for `bowstring.validity_map`.
     block : int, optional
         Points in a block; by default 4096, or a hundredth of a smaller map.
 

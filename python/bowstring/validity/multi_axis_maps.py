@@ -337,10 +337,12 @@ def validity_grid(
 
     Parameters
     ----------
-    robot, tolerance, metric, models, loading, load, progress : object
-        As for `bowstring.validity_map`.
+    robot : Robot
+        The robot.
     over : sequence of str or Axis
         Axes as for `bowstring.validity_map`, at least one.
+    tolerance, metric, models, loading, load, progress : object
+        As for `bowstring.validity_map`.
 
     Returns
     -------
