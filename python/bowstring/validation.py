@@ -85,6 +85,14 @@ def _has_truth(value: Any) -> bool:
     return isinstance(value, (bool, np.bool_))
 
 
+def floats_or_refuse(value: Any, message: str) -> Floats:
+    """Convert to a new array of floats; `message` is that of the error for what are no numbers."""
+    try:
+        return floats(value)
+    except TypeError:
+        raise InputError(message) from None
+
+
 def read(name: str, value: Any, what: str) -> Floats:
     """Convert to a new array of floats; `what` is the allowed value in the error."""
     try:

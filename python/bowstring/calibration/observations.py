@@ -18,7 +18,7 @@ from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
-from bowstring.validation import check_is_read, floats, shown
+from bowstring.validation import check_is_read, floats, floats_or_refuse, shown
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -36,7 +36,6 @@ __all__ = [
     "loads",
     "measured_points",
     "numbered",
-    "read",
     "repeats_loads",
     "score",
     "sigmas",
@@ -234,7 +233,7 @@ def commands(data: Measured, robot: Robot) -> Commands:
         table = getattr(data, name, None)
         if table is None:
             continue
-        given[name] = read(table, f"{name} must be numbers of shape (K, {count})")
+        given[name] = floats_or_refuse(table, f"{name} must be numbers of shape (K, {count})")
         if given[name].ndim != 2 or given[name].shape[1] != count:
             raise InputError(
                 f"{name} has shape {given[name].shape}, it must have one row for each measurement "
@@ -258,21 +257,13 @@ def commands(data: Measured, robot: Robot) -> Commands:
     return Commands(by_displacement, values, time, recording)
 
 
-def read(value: Any, rule: str) -> Floats:
-    """Convert to an array of floats; `rule` is the message for what are no numbers."""
-    try:
-        return floats(value)
-    except TypeError:
-        raise InputError(rule) from None
-
-
 def _column(data: Measured, name: str, count: int, unit: str = "") -> NDArray[Any] | None:
     """Values (K,) of an optional column, as numbers if it has a unit; None if missing."""
     given = getattr(data, name, None)
     if given is None:
         return None
     rule = f"{name} must be ({count},) numbers in {unit}"
-    found = read(given, rule) if unit else np.asarray(given)
+    found = floats_or_refuse(given, rule) if unit else np.asarray(given)
     if found.shape != (count,):
         what = f", in {unit}" if unit else ""
         raise InputError(f"{name} has shape {found.shape}, it must be ({count},){what}")
@@ -286,7 +277,7 @@ def tips(data: Measured, count: int) -> Floats:
         points = getattr(data, "tip", None)
     if getattr(data, "scale", 1.0) is None:
         raise InputError("points are in pixels; a fit needs them in units of length")
-    found = read(points, "points must be numbers of shape (K, P, 3) in m")
+    found = floats_or_refuse(points, "points must be numbers of shape (K, P, 3) in m")
     if found.ndim == 3:
         if not found.shape[1]:
             raise InputError(

@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring.calibration.bootstrap import left_out
 from bowstring.calibration.fitting import Fit
-from bowstring.calibration.observations import Measured, read
+from bowstring.calibration.observations import Measured
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.significance import NORMAL, student
+from bowstring.validation import floats_or_refuse
 
 __all__ = ["Predicted", "predict_with_interval"]
 
@@ -166,7 +167,7 @@ def _scatter(found: Fit, errors: ArrayLike | None) -> Floats:
 
 def _table(given: ArrayLike, name: str, rows: int | None = None) -> Floats:
     """Numbers (K, 3) in m."""
-    table = read(given, f"{name} must be numbers of shape (K, 3) in m")
+    table = floats_or_refuse(given, f"{name} must be numbers of shape (K, 3) in m")
     if table.ndim != 2 or table.shape[1] != 3 or rows not in (None, len(table)):
         count = "K" if rows is None else str(rows)
         raise InputError(f"{name} has shape {table.shape}, it must have ({count}, 3), in m")

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring.constant_curvature.series import Pose, series_jacobian, series_pose
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.validation import floats, is_whole, shown
+from bowstring.validation import floats, floats_or_refuse, is_whole, shown
 
 __all__ = ["ArcFit", "Profile", "fit_arcs"]
 
@@ -283,13 +283,11 @@ def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = No
 
 def _checked(points: ArrayLike, stations: ArrayLike | None) -> tuple[Array, Array, Array]:
     """Check the input; return points (K, P, D), shares of the length (K, P) and lengths (K,)."""
-    try:
-        rows = floats(points)
-    except TypeError:
-        raise InputError(
-            "points must be numbers of shape (shapes, points, 2 or 3), one shape may do without "
-            "the first; shapes of unequal numbers of points are fitted apart"
-        ) from None
+    rows = floats_or_refuse(
+        points,
+        "points must be numbers of shape (shapes, points, 2 or 3), one shape may do without "
+        "the first; shapes of unequal numbers of points are fitted apart",
+    )
     if rows.ndim == 2:
         rows = rows[None]
     if rows.ndim != 3 or rows.shape[-1] not in (2, 3) or not len(rows):

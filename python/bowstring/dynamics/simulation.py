@@ -473,10 +473,9 @@ def simulate(
     )
     holding = None
     if start.disk_forces is not None:
-        try:
-            holding = validation.floats(start.disk_forces)
-        except TypeError:
-            raise InputError("disk_forces must be numbers, one row a disk, in N") from None
+        holding = validation.floats_or_refuse(
+            start.disk_forces, "disk_forces must be numbers, one row a disk, in N"
+        )
         if holding.shape != (len(robot.disks.station_m), 3) or not np.isfinite(holding).all():
             raise InputError(
                 f"disk_forces must be finite, of shape ({len(robot.disks.station_m)}, 3) "
