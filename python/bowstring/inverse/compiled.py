@@ -8,6 +8,7 @@ import numpy as np
 
 from bowstring.errors import InputError
 from bowstring.inverse.kinematics import default_max_tension
+from bowstring.robot.laws import OF_MOTION
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.actuation import compliances
 
@@ -56,7 +57,7 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
     check_without_laws(
         robot,
         ", which the C library does not model",
-        but=("delay",),
+        but=OF_MOTION,
     )
     if robot.tendons.pushes.any():
         raise InputError(

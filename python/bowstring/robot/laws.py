@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 from bowstring.formatting import listed
 
-__all__ = ["LAWS", "MEMORIES", "OF_COMMANDS", "OF_DISPLACEMENTS", "Law"]
+__all__ = ["LAWS", "MEMORIES", "OF_COMMANDS", "OF_DISPLACEMENTS", "OF_MOTION", "Law"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,8 @@ class Law:
     """Size of a term without an effect."""
     of_commands: bool = False
     """Whether it acts on commands, before all mechanics."""
+    moving: bool = False
+    """Whether it has no effect on a robot at rest."""
     pushes: bool = True
     """Whether its equation holds for rods and chambers, whose tension may be negative."""
 
@@ -140,6 +142,7 @@ _LAWS: Final = (
         "The delay of the drives has no effect on a robot at rest.",
         memory=False,
         of_commands=True,
+        moving=True,
     ),
 )
 LAWS: Final = {law.key: law for law in _LAWS}
@@ -148,5 +151,7 @@ MEMORIES: Final = {key: law for key, law in LAWS.items() if law.memory}
 """The laws with a memory."""
 OF_COMMANDS: Final = tuple(key for key, law in LAWS.items() if law.of_commands)
 """Keys of the laws that act on commands."""
-OF_DISPLACEMENTS: Final = tuple(key for key in OF_COMMANDS if key != "delay")
-"""Keys of those that act on commanded displacements alone."""
+OF_MOTION: Final = tuple(key for key, law in LAWS.items() if law.moving)
+"""Keys of the laws without an effect at rest."""
+OF_DISPLACEMENTS: Final = tuple(key for key in OF_COMMANDS if key not in OF_MOTION)
+"""Keys of the laws that act on commanded displacements alone, also at rest."""

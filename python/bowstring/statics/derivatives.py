@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.laws import OF_MOTION
 from bowstring.robot.model import check_without_laws
 from bowstring.statics import actuation
 from bowstring.statics.solution import Solution
@@ -92,7 +93,7 @@ def check_smooth(solution: Solution) -> None:
     check_without_laws(
         solution.robot,
         ", which derivatives do not model",
-        but=("delay",),
+        but=OF_MOTION,
     )
     if solution.model.tendon_path == "continuous":
         raise InputError(
