@@ -117,11 +117,11 @@ class DifferentiableSolver(ABC):
             numbers disabled, and for second derivatives.
         """
         given = tensions, gravity, tip_force, tip_moment, stiffness
-        return Equilibrium(*self._solve(self._function, given))
+        return Equilibrium(*self._equilibria(self._function, given))
 
     @staticmethod
     @abstractmethod
-    def _solve(of: EquilibriumFunction, given: Iterable[Any]) -> Iterable[Any]:
+    def _equilibria(of: EquilibriumFunction, given: Iterable[Any]) -> Iterable[Any]:
         """Fields of `Equilibrium` for the arguments of a call, in the order of the inputs."""
 
     @property

@@ -58,7 +58,7 @@ class Solver(DifferentiableSolver):
     _library = "jax"
 
     @staticmethod
-    def _solve(of: EquilibriumFunction, given: Iterable[Any]) -> Iterable[Any]:
+    def _equilibria(of: EquilibriumFunction, given: Iterable[Any]) -> Iterable[Any]:
         import jax
         import jax.numpy as jnp
 

@@ -39,7 +39,7 @@ class Solver(DifferentiableSolver):
     _library = "torch"
 
     @staticmethod
-    def _solve(of: EquilibriumFunction, given: Iterable[Any]) -> Iterable[Any]:
+    def _equilibria(of: EquilibriumFunction, given: Iterable[Any]) -> Iterable[Any]:
         arguments = of.read(
             given, _tensor, lambda tensor, rows: tensor.expand((*rows, tensor.shape[-1]))
         )
