@@ -425,7 +425,8 @@ def _tips(
 ) -> tuple[Floats, Floats]:
     """Positions and rotations of the tip along the loads.
 
-    With progress a path is solved in pieces, with identical results, unless drives have a delay.
+    With progress a path is solved in pieces, with identical results; with delays of drives it is
+    not divided.
     """
     found: list[Sweep] = []
     whole = actuation.is_by_tensions(robot, load) or robot.tendons.delay_s.any()

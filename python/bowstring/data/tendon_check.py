@@ -806,7 +806,8 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
         )
     else:
         return "no point and no direction of bending is measured", None
-    if not np.isnan(m.displacements).any():
+    by_displacement = not np.isnan(m.displacements).any()
+    if by_displacement:
         coupling, commands = robot.displacement_coupling, m.displacements
         commands = commands if coupling is None else commands @ coupling.T
         by_tendon = _by_displacement(robot)
@@ -815,8 +816,8 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
     else:
         return "some tendons are given by tension and others by displacement", None
     if m.time is not None and (np.diff(m.time) > 0).all():
-        by_displacement = np.zeros(commands.shape, bool)
-        commands = actuation.delayed(by_displacement, commands, m.time, robot.tendons.delay_s)
+        kinds = np.full(commands.shape, by_displacement)
+        commands = actuation.delayed(kinds, commands, m.time, robot.tendons.delay_s)
     rows = np.unique(np.linspace(0, len(m) - 1, min(len(m), _MOST_ROWS)).round().astype(int))
     rows = rows[np.isfinite(measured[rows]).all(axis=1)]
     if m.faults:  # the doubt of the table names the spikes

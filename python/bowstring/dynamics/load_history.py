@@ -80,11 +80,10 @@ class Table:
     """
 
     def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
-        try:
-            self.times = validation.floats(times)
-            self.values = validation.floats(values)
-        except TypeError:
-            raise InputError("a table over time takes numbers: times (K,), values (K, C)") from None
+        rule = "a table over time takes numbers: times (K,), values (K, C)"
+        self.times, self.values = (
+            validation.floats_or_refuse(given, rule) for given in (times, values)
+        )
         if self.values.ndim == 3:
             self.values = self.values.reshape(len(self.values), -1)
         if self.times.ndim != 1 or self.values.ndim != 2 or len(self.times) == 0:
@@ -234,7 +233,7 @@ class _Function:
         self.least = np.broadcast_to(least, shape)
 
     def later(self, delay: float) -> _Function:
-        """Return the function at times before a delay, s, and its first value before that."""
+        """Return the function later by a delay, s; before the delay it has its value at time 0."""
         late = copy.copy(self)
         late.function = lambda time: self.function(max(time - delay, 0.0))
         return late
@@ -307,7 +306,8 @@ class _Delayed:
 class Actuation:
     """Actuation of the tendons over time, by tension, displacement or motor angle.
 
-    Commands reach the tendons after the delays of the drives; before, the first command holds.
+    Commands reach the tendons after the delays of the drives. Before time 0 they are those at time
+    0.
 
     Attributes
     ----------

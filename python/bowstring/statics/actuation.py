@@ -166,7 +166,7 @@ def commanded(robot: Robot, displacements: Floats) -> Floats:
 def delayed(by_displacement: Bools, values: Floats, times: Floats, delay: Floats) -> Floats:
     """Commands (n, T) that drives follow at times (n,), s, after their delays (T,), s.
 
-    Linear in time between the rows, those of the first row before it (theory Eq. 4.14).
+    Linear in time between the rows, and constant before the first row (theory Eq. 4.14).
     """
     out = np.array(values)
     for i in np.flatnonzero(delay) if len(values) else ():

@@ -115,8 +115,8 @@ def sweep(
         As for `solve`; the first row continues it.
     times : array_like (n,), optional
         Times in s since the home pose, or since the last row of the history; for a robot with
-        relaxation, creep or a delay. Actuation is linear in time from row to row; with a delay that
-        of the first row holds before it. `fit` counts from the first row:
+        relaxation, creep or a delay. Actuation is linear in time from row to row; where a drive has
+        a delay, it is that of the first row before this row. `fit` counts from the first row:
         ``times=data.time - data.time[0]`` gives its predictions.
     warm : bool
         Start each load from the previous solution, which is faster for small increments and stays
@@ -147,7 +147,7 @@ def sweep(
     check_robot(robot)
     warm, disks = validation.truth("warm", warm), validation.truth("disks", disks)
     load, model = _rows(as_load(tensions, load)), as_model(model)
-    if robot.tendons.delay_s.any() and history is not None and times is not None:
+    if history is not None and times is not None and robot.tendons.delay_s.any():
         raise InputError(
             f"a history does not have the commands that the delay of {robot.name} holds back; "
             "sweep all rows at once, or set delay to 0",

@@ -31,7 +31,7 @@ class Drawn(Result, ABC):
         Parameters
         ----------
         path : str or Path
-            A figure of before is replaced.
+            An earlier figure is replaced.
 
         Returns
         -------

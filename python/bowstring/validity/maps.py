@@ -274,7 +274,7 @@ class ValidityMap(Result):
         ----------
         path : str or Path
             Its suffix tells the format: a figure (PNG, PDF or SVG), or the numbers of `to_dataset`
-            as NetCDF. A map of before is replaced.
+            as NetCDF. An earlier map is replaced.
 
         Returns
         -------

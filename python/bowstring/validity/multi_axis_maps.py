@@ -221,7 +221,7 @@ class ValidityGrid(Result):
         path : str or Path
             Its suffix tells the format: a figure (PNG, PDF or SVG), or a data set with
             coordinates and units (NetCDF ``.nc``, or a folder ``.zarr``, which needs the extra
-            ``cluster``). A map of before is replaced.
+            ``cluster``). An earlier map is replaced.
 
         Returns
         -------
