@@ -92,12 +92,22 @@ def median_ms(
     clock: Callable[[], float] = time.perf_counter,
 ) -> float:
     """Median time of a call, repeated for about `budget_s`."""
+    return statistics.median(times_ms(call, budget_s, least, clock))
+
+
+def times_ms(
+    call: Callable[[], object],
+    budget_s: float,
+    least: int = 5,
+    clock: Callable[[], float] = time.perf_counter,
+) -> list[float]:
+    """Times of a call, repeated for about `budget_s`."""
     times: list[float] = []
-    while len(times) < least or (sum(times) < budget_s and len(times) < 10_000):
+    while len(times) < least or (sum(times) < 1e3 * budget_s and len(times) < 10_000):
         start = clock()
         call()
-        times.append(clock() - start)
-    return 1e3 * statistics.median(times)
+        times.append(1e3 * (clock() - start))
+    return times
 
 
 def measure(

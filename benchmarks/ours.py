@@ -13,7 +13,7 @@ from time import perf_counter
 import numpy as np
 
 import bowstring as bs
-from benchmarks.cases import LOADED, Case, Solve, measure, median_ms, report
+from benchmarks.cases import LOADED, Case, Solve, measure, median_ms, report, times_ms
 from bowstring.robot.designs import Designs
 from bowstring.statics.design_sweeps import sweep_designs
 
@@ -126,6 +126,10 @@ def figures() -> dict[str, float]:
         ROBOT.with_({"segments.0.tendons.friction": 0.1}),
         {"segments.0.backbone.E": np.linspace(30e9, 40e9, ROBOTS)},
     )
+
+    def fastest_sweep_us(model: bs.RodModel) -> float:  # as the core's, with which it is compared
+        return 1e3 * min(times_ms(partial(sweep, model=model), 1.0))
+
     targets = inverse_targets()
     inverse = partial(bs.inverse_kinematics, ROBOT, load=load(LOADED))
     ramp = np.outer(np.linspace(0.0, 80.0, 51), [1.0, 0.0, 0.0])
@@ -133,8 +137,8 @@ def figures() -> dict[str, float]:
     return {
         "one_call_kirchhoff": 1e3 * median_ms(partial(solve, model=kirchhoff), 1.0),
         "one_call_cosserat": 1e3 * median_ms(partial(solve, model=cosserat), 1.0),
-        "warm17_kirchhoff": 1e3 * median_ms(partial(sweep, model=kirchhoff), 1.0),
-        "warm17_cosserat": 1e3 * median_ms(partial(sweep, model=cosserat), 1.0),
+        "warm17_kirchhoff": fastest_sweep_us(kirchhoff),
+        "warm17_cosserat": fastest_sweep_us(cosserat),
         "batch_per_solve": 1e3 * median_ms(batch, 1.0) / len(many_tensions),
         "jax_over_batch": jax_over_batch(),
         "displacement_per_solve": 1e3 * median_ms(displaced, 1.0) / BATCH,
