@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.schemas.basic import OfRobot
 
+_FittedModel = Literal["rod", "arc"]
+_Loss = Literal["linear", "soft_l1", "huber"]
 #: Ratio of RMS to robust scatter of a coordinate above which both are printed.
 _FAR_MORE: Final = 2.0
 _LONG: Final = 10.0  # s of a comparison after which the rest is estimated
@@ -112,6 +114,179 @@ def _priors(
 _Priors = Annotated[Callable[[bool], dict[str, float] | None], Group("Priors", _priors)]
 
 
+class _Tables:
+    """Tables of measurements: files of one's own, or those of a public data set."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        parameter: list[str],
+        measurements: Annotated[
+            Path | None, option("FILE", "Table of measurements: CSV, TSV, .xlsx, .mat or .mcap.")
+        ] = None,
+        mapping: MappingFile = None,
+        data: Annotated[
+            str | None,
+            option("NAME", "A public data set instead of a table.", values=completion.data_sets),
+        ] = None,
+        part: Annotated[
+            str | None,
+            option("PART", "Which of its tables, if it has several.", values=completion.parts),
+        ] = None,
+        *,
+        g: OfMasses,
+    ) -> None:
+        from bowstring.data import datasets
+
+        if (measurements is None) == (data is None):
+            raise InputError(
+                "give either --measurements FILE or --data NAME, a public data set (bowstring data "
+                "list)."
+            )
+        if data is None and part is not None:
+            raise InputError("--part selects a table of a public data set; name that by --data.")
+        if data is not None and mapping is not None:
+            raise InputError("--mapping is for tables of your own; a set of --data has its own.")
+        if data is not None and data not in datasets.available() and Path(data).is_file():
+            raise InputError(
+                f"--data: {data} is a file, not a public data set; give --measurements."
+            )
+        self._robot, self._parameter, self._g = robot, parameter, g
+        self._file, self._mapping, self._data, self._part = measurements, mapping, data, part
+        #: What the result states of the tables.
+        self.origin: dict[str, Any] = {
+            "measurements": measurements,
+            "mapping": mapping if data is None else data,
+            "data": data,
+            "part": part,
+            "g_m_per_s2": g,
+        }
+
+    def fitted(self) -> Measurements:
+        """Read the table that the model is fitted to."""
+        flag = "--part" if self._part else "--measurements" if self._data is None else "--data"
+        return self.read(flag, self._file, self._part)
+
+    def read(self, flag: str, file: str | Path | None, part: str | None) -> Measurements:
+        """Read the file, or this part of the data set."""
+        from bowstring.calibration.parameters import zero_is_fitted
+        from bowstring.data import datasets
+        from bowstring.data.measurements import read_measurements
+
+        settings: dict[str, Any] = {
+            "g": self._g,
+            "keep_below_zero": zero_is_fitted(self._parameter),
+        }
+        data = self._data
+        if data is None:
+            return measurements_of(flag, file, self._robot, self._mapping, **settings)
+        of_flag("--data", datasets.describe, data)
+        place = of_flag(flag, lambda name: datasets.table(data, name), part)
+        found = read_measurements(place, self._robot, data, **settings)
+        return replace(found, name=data if part is None else f"{data}, {part}")
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """On which rows that are not fitted the fit is judged, and beside what."""
+
+    holdout: Annotated[
+        float | None,
+        Share(
+            "a share of the rows above 0 and below 1",
+            lambda value: 0 < value < 1,
+            '"20 %"',
+            "Leave this share of the rows, the last, out of the fit and predict it.",
+            form="SHARE",
+        ),
+    ]
+    folds: Annotated[
+        int | None,
+        option("K", "Cross-validation: predict each of K parts from a fit to the others."),
+    ] = None
+    validate: Annotated[
+        str | None,
+        option(
+            "FILE",
+            "Table (with --data a part of the data set) that the fit predicts; nothing is aligned "
+            "to it.",
+        ),
+    ] = None
+    filter_: Annotated[
+        bool,
+        typer.Option(
+            "--filter",
+            help="With --validate, also predict each row from the measured tips before it.",
+        ),
+    ] = False
+    residual: Annotated[
+        bool,
+        typer.Option(
+            "--residual",
+            help="Learn what the calibrated model leaves, and compare with constant curvature and "
+            "with the commands alone; needs --validate or --holdout.",
+        ),
+    ] = False
+    compare: Annotated[
+        bool,
+        typer.Option(
+            "--compare",
+            help="Compare constant curvature, the rod and its memories on left-out rows (5 folds, "
+            "or --folds; with --validate on that table too), and name the cause of the error.",
+        ),
+    ] = False
+
+    def __post_init__(self) -> None:
+        ways = (self.holdout, self.folds, self.validate)
+        if not self.compare and sum(way is not None for way in ways) > 1:
+            raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
+        if self.filter_ and self.validate is None:
+            raise InputError("--filter needs a table to predict; name it by --validate.")
+        if self.residual and self.holdout is None and self.validate is None:
+            raise InputError(
+                "--residual is judged on rows that are not fitted; give --validate FILE or "
+                "--holdout SHARE."
+            )
+        if self.folds is not None and self.folds < 2:
+            raise InputError(f"--folds: got {self.folds}; must be 2 or more.")
+
+    def origin(self) -> dict[str, Any]:
+        """What the result states of it."""
+        return {
+            "holdout": self.holdout,
+            "folds": self.folds,
+            "validate": self.validate,
+            "filter": self.filter_,
+            "learn_residual": self.residual,
+            "compare": self.compare,
+        }
+
+
+class _Folder:
+    """Folder of the results, which a result in doubt is not written to without --force."""
+
+    def __init__(
+        self,
+        out: Annotated[
+            Path | None, option("DIR", "Folder for the calibrated robot file and figures.")
+        ] = None,
+        force: Annotated[
+            bool,
+            typer.Option(
+                "--force",
+                help="With --out, write the calibrated robot although the result itself is in "
+                "doubt. Files of others are not overwritten.",
+            ),
+        ] = False,
+    ) -> None:
+        out_folder(out, "fit")
+        self.out, self._force = out, force
+
+    def refuses(self, found: Calibration) -> bool:
+        """Whether the result is in doubt, and not wanted nevertheless."""
+        return self.out is not None and bool(found.doubts) and not self._force
+
+
 def fit(
     robot: RobotArgument,
     parameter: Annotated[
@@ -129,73 +304,17 @@ def fit(
             ),
         ),
     ],
+    tables: Annotated[_Tables, Group("Measurements", _Tables)],
     deviations: _Priors,
-    g: OfMasses,
-    holdout: Annotated[
-        float | None,
-        Share(
-            "a share of the rows above 0 and below 1",
-            lambda value: 0 < value < 1,
-            '"20 %"',
-            "Leave this share of the rows, the last, out of the fit and predict it.",
-            form="SHARE",
-        ),
-    ],
-    measurements: Annotated[
-        Path | None, option("FILE", "Table of measurements: CSV, TSV, .xlsx, .mat or .mcap.")
-    ] = None,
-    mapping: MappingFile = None,
-    data: Annotated[
-        str | None,
-        option("NAME", "A public data set instead of a table.", values=completion.data_sets),
-    ] = None,
-    part: Annotated[
-        str | None,
-        option("PART", "Which of its tables, if it has several.", values=completion.parts),
-    ] = None,
+    judged: Annotated[_Judged, Group("Validation", _Judged)],
+    folder: Annotated[_Folder, Group("Outputs", _Folder)],
     model: Annotated[
-        Literal["rod", "arc"],
+        _FittedModel,
         typer.Option(help="Model to fit: rod statics, or arcs of constant curvature."),
     ] = "rod",
     loss: Annotated[
-        Literal["linear", "soft_l1", "huber"],
-        typer.Option(help="Least squares (linear), or robust against outliers."),
+        _Loss, typer.Option(help="Least squares (linear), or robust against outliers.")
     ] = "soft_l1",
-    folds: Annotated[
-        int | None,
-        option("K", "Cross-validation: predict each of K parts from a fit to the others."),
-    ] = None,
-    validate: Annotated[
-        str | None,
-        option(
-            "FILE",
-            "Table (with --data a part of the data set) that the fit predicts; nothing is aligned "
-            "to it.",
-        ),
-    ] = None,
-    filter_: Annotated[
-        bool,
-        typer.Option(
-            "--filter",
-            help="With --validate, also predict each row from the measured tips before it.",
-        ),
-    ] = False,
-    residual: Annotated[
-        bool,
-        typer.Option(
-            "--residual",
-            help="Learn what the calibrated model leaves, and compare with constant curvature and "
-            "with the commands alone; needs --validate or --holdout.",
-        ),
-    ] = False,
-    compare: Annotated[
-        bool,
-        typer.Option(
-            "--compare",
-            help="Compare constant curvature, the rod and its memories on left-out rows (5 folds, "
-            "or --folds; with --validate on that table too), and name the cause of the error.",
-        ),
-    ] = False,
     start: Annotated[
         Path | None,
         option(
@@ -204,106 +323,38 @@ def fit(
             "or keep them if they are not fitted.",
         ),
     ] = None,
-    out: Annotated[
-        Path | None, option("DIR", "Folder for the calibrated robot file and figures.")
-    ] = None,
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force",
-            help="With --out, write the calibrated robot although the result itself is in doubt. "
-            "Files of others are not overwritten.",
-        ),
-    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate a robot: fit parameters to measured tips and points along the body."""
     import numpy as np
 
     from bowstring.calibration import table_fit
-    from bowstring.calibration.parameters import zero_is_fitted
-    from bowstring.data import datasets
-    from bowstring.data.measurements import read_measurements
 
     if model == "rod" and any(name.startswith("bend_gain") for name in parameter):
         raise InputError("--parameter bend_gain belongs to constant curvature; give --model arc.")
-    if (measurements is None) == (data is None):
-        raise InputError(
-            "give either --measurements FILE or --data NAME, a public data set (bowstring data "
-            "list)."
-        )
-    if data is None and part is not None:
-        raise InputError("--part selects a table of a public data set; name that by --data.")
-    if data is not None and mapping is not None:
-        raise InputError("--mapping is for tables of your own; a set of --data has its own.")
-    if compare:
-        _check_comparison(model, holdout, start)
-    elif sum(way is not None for way in (holdout, folds, validate)) > 1:
-        raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
-    if filter_ and validate is None:
-        raise InputError("--filter needs a table to predict; name it by --validate.")
-    if residual and holdout is None and validate is None:
-        raise InputError(
-            "--residual is judged on rows that are not fitted; give --validate FILE or --holdout "
-            "SHARE."
-        )
-    if folds is not None and folds < 2:
-        raise InputError(f"--folds: got {folds}; must be 2 or more.")
-    if data is not None and data not in datasets.available() and Path(data).is_file():
-        raise InputError(f"--data: {data} is a file, not a public data set; give --measurements.")
-    out_folder(out, "fit")
+    if judged.compare:
+        _check_comparison(model, judged.holdout, start)
     begin = None if start is None else of_flag("--start", table_fit.read_start, start)
-
-    of_zero = zero_is_fitted(parameter)
-
-    def read(flag: str, file: str | Path | None, part: str | None) -> Measurements:
-        if data is None:
-            return measurements_of(flag, file, robot, mapping, g=g, keep_below_zero=of_zero)
-        of_flag("--data", datasets.describe, data)
-        place = of_flag(flag, lambda name: datasets.table(data, name), part)
-        found = read_measurements(place, robot, data, g=g, keep_below_zero=of_zero)
-        return replace(found, name=data if part is None else f"{data}, {part}")
-
-    flag = "--measurements" if data is None else "--data" if part is None else "--part"
     with progress_bar("measurements"):
-        table = read(flag, measurements, part)
-        other = None if validate is None else read("--validate", validate, validate)
+        table, named = tables.fitted(), judged.validate
+        other = None if named is None else tables.read("--validate", named, named)
     priors = deviations(bool(np.isnan(table.displacements).all()))
     origin = provenance_of(
         robot,
-        measurements=measurements,
-        mapping=mapping if data is None else data,
-        data=data,
-        part=part,
-        g_m_per_s2=g,
+        **tables.origin,
         parameters=parameter,
         model=model,
         loss=loss,
         priors=priors,
-        holdout=holdout,
-        folds=folds,
-        validate=validate,
-        filter=filter_,
-        learn_residual=residual,
-        compare=compare,
+        **judged.origin(),
         start=begin,
     )
     if not table.points.shape[1]:
-        refused_flags = {
-            "--holdout": holdout,
-            "--folds": folds,
-            "--validate": validate,
-            "--residual": residual,
-            "--compare": compare,
-            "--out": out,
-            "--prior and --priors": priors,
-        }
-        for flag in (flag for flag, value in refused_flags.items() if value):
-            raise InputError(f"{flag} needs measured tips, and the table has angles only.")
+        _check_angles(judged, folder, priors)
         return _fit_orientation(robot, table, parameter, model, loss, begin, origin, as_json)
     compared = None
     try:
-        if compare:
+        if judged.compare:
             from bowstring.calibration.model_comparison import compare_models
 
             with progress_bar("comparison") as notify:
@@ -311,13 +362,14 @@ def fit(
                     robot,
                     table,
                     parameter,
-                    folds=folds or 5,
+                    folds=judged.folds or 5,
                     validation=other,
                     priors=priors,
                     loss=loss,
                     progress=_with_estimate(notify),
                 )
         with progress_bar("fit") as notify:
+            folds = None if judged.compare else judged.folds
             found = table_fit.calibrate(
                 robot,
                 table,
@@ -326,9 +378,7 @@ def fit(
                 loss=loss,
                 start=begin,
                 priors=priors,
-                validation=table_fit.Validation(
-                    holdout, None if compare else folds, other, filter_
-                ),
+                validation=table_fit.Validation(judged.holdout, folds, other, judged.filter_),
                 progress=notify,
             )
     except KeyboardInterrupt as error:
@@ -336,16 +386,29 @@ def fit(
         if stopped is None:
             raise
         warned = [*robot.warnings, *filter(None, [table.doubt])]
-        raise Stopped(_write_stopped(stopped, origin, warned, out, as_json)) from None
+        raise Stopped(_write_stopped(stopped, origin, warned, folder.out, as_json)) from None
     learnt = None
-    if residual and found.fit.converged:
+    if judged.residual and found.fit.converged:
         from bowstring.calibration.residual_comparison import study_residual
 
         with progress_bar("residual") as notify:
             learnt = study_residual(found, robot, progress=notify)
+    _report(robot, found, origin, learnt, compared, folder, as_json)
+
+
+def _report(
+    robot: Robot,
+    found: Calibration,
+    origin: OfRobot,
+    learnt: ResidualStudy | None,
+    compared: ModelComparison | None,
+    folder: _Folder,
+    as_json: bool,
+) -> None:
+    """Write and print a fit; raise `NoSolutionError` if it is not a result, or in doubt."""
     tendons = found.tendons.sentence if found.tendons.alarm else found.tendons.remark
     doubts = list(filter(None, [tendons, found.broken_path]))
-    of_table = [*filter(None, [table.doubt]), *found.fit.doubts]
+    of_table = [*filter(None, [found.data.doubt]), *found.fit.doubts]
     warn(*(of_table if as_json else ()), *doubts)  # else they are the first lines
     content: dict[str, Any] = {
         **found.to_dict(),
@@ -355,15 +418,15 @@ def fit(
         "warnings": [*robot.warnings, *of_table, *doubts],
     }
     written = None
-    refused = out is not None and bool(found.doubts) and not force
-    if out is not None and found.fit.converged and not refused:
+    refused = folder.refuses(found)
+    if folder.out is not None and found.fit.converged and not refused:
         with progress_bar("figures") as notify:
             from bowstring.calibration.fit_folder import write_fit
 
             written = write_fit(
                 found,
                 plain(content),
-                out,
+                folder.out,
                 residual=None if learnt is None else learnt.residual,
                 comparison=compared,
                 progress=notify,
@@ -371,10 +434,10 @@ def fit(
     if as_json:
         write_json({**content, "folder": written})
     else:
-        folder = out if written else None
-        parts = [] if learnt is None else _residual_tables(learnt, folder)
-        models = [] if compared is None else _comparison_tables(compared, folder)
-        write_tables(*_fit_tables(found, folder), *parts, *models)
+        place = folder.out if written else None
+        parts = [] if learnt is None else _residual_tables(learnt, place)
+        models = [] if compared is None else _comparison_tables(compared, place)
+        write_tables(*_fit_tables(found, place), *parts, *models)
     if not found.fit.converged:
         raise NoSolutionError(f"{robot.name}: {found.fit.whole_message}")
     if refused:
@@ -460,12 +523,27 @@ def _check_comparison(model: str, holdout: float | None, start: Path | None) -> 
         raise InputError("--compare begins at the values of ROBOT; leave --start out.")
 
 
+def _check_angles(judged: _Judged, folder: _Folder, priors: dict[str, float] | None) -> None:
+    """Refuse flags that a table of angles alone cannot serve."""
+    refused = {
+        "--holdout": judged.holdout,
+        "--folds": judged.folds,
+        "--validate": judged.validate,
+        "--residual": judged.residual,
+        "--compare": judged.compare,
+        "--out": folder.out,
+        "--prior and --priors": priors,
+    }
+    for flag in (flag for flag, value in refused.items() if value):
+        raise InputError(f"{flag} needs measured tips, and the table has angles only.")
+
+
 def _fit_orientation(
     robot: Robot,
     table: Measurements,
     parameter: list[str],
-    model: Literal["rod", "arc"],
-    loss: Literal["linear", "soft_l1", "huber"],
+    model: _FittedModel,
+    loss: _Loss,
     begin: dict[str, float] | None,
     origin: OfRobot,
     as_json: bool,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from bowstring.cli.flags import Number, Share, of_flag
-from bowstring.cli.groups import option
+from bowstring.cli.groups import Group, option
 from bowstring.cli.options import (
     AsJson,
     MappingFile,
@@ -22,12 +23,23 @@ from bowstring.cli.options import (
 from bowstring.cli.output import Stopped, progress_bar, warn, write_json, write_rich
 from bowstring.errors import InputError
 
+if TYPE_CHECKING:
+    from bowstring.fem.run import Settings
+    from bowstring.study.settings import Ramp
+    from bowstring.validity.loading import Loading
 
-def study(
-    robot: RobotOfStudy,
-    tolerance: Tolerance,
+
+def _loading(
     max_tension: MaxTension,
     tendon: Tendons,
+    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
+) -> Loading:
+    from bowstring.validity.loading import Loading
+
+    return Loading(max_tension, points, tendon)
+
+
+def _ramp(
     rise: Annotated[
         float | None,
         Number(
@@ -46,11 +58,21 @@ def study(
             default="5 %",
         ),
     ],
+) -> Ramp:
+    from bowstring.study.settings import Ramp
+
+    return Ramp(rise, modal_damping)
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """The table of measurements, and whether models with memories are compared on it."""
+
     measurements: Annotated[
         Path | None,
         option("FILE", "Table of measurements; each model is compared with it."),
-    ] = None,
-    mapping: MappingFile = None,
+    ] = None
+    mapping: MappingFile = None
     compare: Annotated[
         bool,
         typer.Option(
@@ -58,20 +80,16 @@ def study(
             help="Compare models with memories on left-out rows of the measurements, and divide "
             "the error of constant curvature into parts; takes up to a second for each row.",
         ),
-    ] = False,
-    out: Annotated[
-        Path | None,
-        option("DIR", "Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"),
-    ] = None,
-    figures: Annotated[
-        Literal["pdf", "png", "svg"] | None,
-        typer.Option(help="Also save each figure as a file.  [default: in the report alone]"),
-    ] = None,
-    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
-    theory: Theory = "cosserat",
-    solid: Annotated[
-        bool, typer.Option("--solid", help="Show the robot as a solid in the report (extra cad).")
-    ] = False,
+    ] = False
+
+    def __post_init__(self) -> None:
+        if self.measurements is None and self.mapping is not None:
+            raise InputError("--mapping needs a table; name it by --measurements.")
+        if self.measurements is None and self.compare:
+            raise InputError("--compare needs measurements; name their table by --measurements.")
+
+
+def _finite_elements(
     fe: Annotated[
         bool,
         typer.Option(
@@ -86,6 +104,57 @@ def study(
             "[default: bonded]"
         ),
     ] = None,
+) -> Settings | None:
+    if grip is not None and not fe:
+        raise InputError("--grip is for finite elements; give --fe too.")
+    if not fe:
+        return None
+    from bowstring.fem.run import Settings
+
+    return Settings(grip=grip or Settings.grip)
+
+
+@dataclass(frozen=True)
+class _Written:
+    """What is written beside the report, and how much is printed."""
+
+    out: Annotated[
+        Path | None,
+        option("DIR", "Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"),
+    ] = None
+    figures: Annotated[
+        Literal["pdf", "png", "svg"] | None,
+        typer.Option(help="Also save each figure as a file.  [default: in the report alone]"),
+    ] = None
+    solid: Annotated[
+        bool, typer.Option("--solid", help="Show the robot as a solid in the report (extra cad).")
+    ] = False
+    correction: Annotated[
+        Literal["python", "c", "matlab"] | None,
+        typer.Option(
+            help="Also write the corrected constant curvature of this robot as code, into the "
+            "folder of the report."
+        ),
+    ] = None
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Print all tables and the whole verdict as well.")
+    ] = False
+
+
+_Loading = Annotated["Loading", Group("Load", _loading)]
+_Ramp = Annotated["Ramp", Group("Motion", _ramp)]
+_FiniteElements = Annotated["Settings | None", Group("Finite elements", _finite_elements)]
+
+
+def study(
+    robot: RobotOfStudy,
+    tolerance: Tolerance,
+    loading: _Loading,
+    ramp: _Ramp,
+    measured: Annotated[_Measured, Group("Measurements", _Measured)],
+    fe: _FiniteElements,
+    written: Annotated[_Written, Group("Outputs", _Written)],
+    theory: Theory = "cosserat",
     distributions: Annotated[
         Path | None,
         option(
@@ -102,38 +171,20 @@ def study(
             "tip_force=0:1 N, gravity.z.  [default: payload, or tip_force without gravity]",
         ),
     ] = None,
-    correction: Annotated[
-        Literal["python", "c", "matlab"] | None,
-        typer.Option(
-            help="Also write the corrected constant curvature of this robot as code, into the "
-            "folder of the report."
-        ),
-    ] = None,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", help="Print all tables and the whole verdict as well.")
-    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Find where constant curvature holds for a robot; write a report.
 
     It is compared with statics, with dynamics and, if they are given, with measurements.
     """
-    if mapping is not None and measurements is None:
-        raise InputError("--mapping needs a table; name it by --measurements.")
-    if compare and measurements is None:
-        raise InputError("--compare needs measurements; name their table by --measurements.")
-    if compare and theory != "cosserat":
+    if measured.compare and theory != "cosserat":
         raise InputError("--compare has the Cosserat rod; leave --theory out.")
-    if grip is not None and not fe:
-        raise InputError("--grip is for finite elements; give --fe too.")
-    from bowstring.fem.run import RunInterrupted, Settings
+    from bowstring.fem.run import RunInterrupted
     from bowstring.result_folder import check_folder
     from bowstring.study import report
     from bowstring.study.run import run_study
-    from bowstring.study.settings import Extras, Ramp
-    from bowstring.validity.loading import Loading
+    from bowstring.study.settings import Extras
 
-    loading, ramp = Loading(max_tension, points, tendon), Ramp(rise, modal_damping)
     joint = None
     if distributions is not None:
         from bowstring.uncertainty import read_distributions
@@ -142,17 +193,16 @@ def study(
             "--distributions", lambda file: read_distributions(file, robot), distributions
         )
         warn(*joint.warnings)
-    extras = Extras(
-        solid, Settings(grip=grip or Settings.grip) if fe else None, joint, over, compare
-    )
-    folder = of_flag("--out", check_folder, report.default_folder(robot) if out is None else out)
+    out = report.default_folder(robot) if written.out is None else written.out
+    folder = of_flag("--out", check_folder, out)
     try:
-        with progress_bar("CAD kernel" if solid else "geometric sweep") as notify:
+        with progress_bar("CAD kernel" if written.solid else "geometric sweep") as notify:
             data = None
-            if measurements is not None:
+            if measured.measurements is not None:
                 notify("measurements", 0.0)
-                data = measurements_of("--measurements", measurements, robot, mapping)
-            solving = 0.9 if fe else 0.5  # share of the time; the report takes the rest
+                table = measured.measurements
+                data = measurements_of("--measurements", table, robot, measured.mapping)
+            solving = 0.5 if fe is None else 0.9  # share of the time; the report takes the rest
             found = run_study(
                 robot,
                 tolerance=tolerance,
@@ -160,15 +210,15 @@ def study(
                 loading=loading,
                 ramp=ramp,
                 measurements=data,
-                extras=extras,
+                extras=Extras(written.solid, fe, joint, over, measured.compare),
                 progress=lambda what, done: notify(what, solving * done),
             )
             notify("figures", solving)
             folder = report.write(
                 found,
                 folder,
-                formats=() if figures is None else (figures,),
-                correction=correction,
+                formats=() if written.figures is None else (written.figures,),
+                correction=written.correction,
                 progress=lambda what, done: notify(what, solving + (1 - solving) * done),
             )
     except RunInterrupted as stopped:
@@ -186,4 +236,4 @@ def study(
         return write_json(content)
     from bowstring.study.terminal import print_study
 
-    write_rich(lambda console: print_study(found, console, folder, verbose=verbose))
+    write_rich(lambda console: print_study(found, console, folder, verbose=written.verbose))
