@@ -171,17 +171,8 @@ class _Tilt(Numbers):
         return angles
 
 
-def simulate(
-    robot: RobotArgument,
-    out: Annotated[
-        Path,
-        option(
-            "FILE",
-            "Table to write, .csv; the true values go to a .truth.json file beside it.",
-            values=completion.formats(".csv"),
-        ),
-    ],
-    loads: _Loads,
+def _actual(
+    robot: Robot,
     gravity: Gravity,
     tip_force: Annotated[
         list[float],
@@ -197,6 +188,30 @@ def simulate(
             must_be="0 or more",
         ),
     ],
+    actual: Annotated[
+        list[str] | None,
+        option(
+            "PATH=VALUE",
+            'Field that differs from ROBOT in fact: segments.0.backbone.E="+5 %". Repeatable.',
+        ),
+    ] = None,
+    gravity_frame: Annotated[
+        Literal["base", "measuring"],
+        typer.Option(help="Frame of --gravity: it tilts with the base, or stays vertical."),
+    ] = "base",
+    theory: Theory = "cosserat",
+) -> synthetic.Actual:
+    from bowstring.data.synthetic import Actual
+    from bowstring.robot.model import with_tendons
+
+    if friction is not None:
+        of_flag("--friction", lambda value: with_tendons(robot, {"friction": value}), friction)
+    changes = changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"')
+    check_bare_changes("--actual", robot.with_, changes)
+    return Actual(friction, changes, gravity, gravity_frame, tip_force, theory)
+
+
+def _mounting(
     tilt: Annotated[
         list[float],
         _Tilt(
@@ -216,6 +231,14 @@ def simulate(
             "m", '0,"0.2 mm",0', "Disturbance: displacement of the base by the last row.", far=5.0
         ),
     ],
+) -> synthetic.Mounting:
+    from bowstring.data.synthetic import Mounting
+
+    lean, towards = (*tilt, 0.0)[:2]
+    return Mounting(tilt=lean, tilt_towards=towards, shift=shift, drift=drift)
+
+
+def _instrument(
     noise: Annotated[
         float,
         Number(
@@ -245,42 +268,46 @@ def simulate(
             far=1.0,
         ),
     ],
-    actual: Annotated[
-        list[str] | None,
+) -> synthetic.Instrument:
+    from bowstring.data.synthetic import Instrument
+
+    return Instrument(noise, tool, tool_error)
+
+
+_Actual = Annotated["synthetic.Actual", Group("Actual robot", _actual)]
+_Mounting = Annotated["synthetic.Mounting", Group("Mounting", _mounting)]
+_Instrument = Annotated["synthetic.Instrument", Group("Instrument", _instrument)]
+
+
+def simulate(
+    robot: RobotArgument,
+    out: Annotated[
+        Path,
         option(
-            "PATH=VALUE",
-            'Field that differs from ROBOT in fact: segments.0.backbone.E="+5 %". Repeatable.',
+            "FILE",
+            "Table to write, .csv; the true values go to a .truth.json file beside it.",
+            values=completion.formats(".csv"),
         ),
-    ] = None,
-    gravity_frame: Annotated[
-        Literal["base", "measuring"],
-        typer.Option(help="Frame of --gravity: it tilts with the base, or stays vertical."),
-    ] = "base",
-    theory: Theory = "cosserat",
+    ],
+    loads: _Loads,
+    actual: _Actual,
+    mounting: _Mounting,
+    instrument: _Instrument,
     seed: Annotated[int, option("N", "Seed of the noise.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Make synthetic measurements of a robot, with known truth."""
     from bowstring.data import synthetic
-    from bowstring.robot.model import with_tendons
 
     if seed < 0:
         raise InputError(f"--seed: got {seed}; must be 0 or more.")
-    if friction is not None:
-        of_flag("--friction", lambda value: with_tendons(robot, {"friction": value}), friction)
-    changes = changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"')
-    check_bare_changes("--actual", robot.with_, changes)
-    really = synthetic.Actual(friction, changes, gravity, gravity_frame, tip_force, theory)
-    lean, towards = (*tilt, 0.0)[:2]
-    mounting = synthetic.Mounting(tilt=lean, tilt_towards=towards, shift=shift, drift=drift)
-    instrument = synthetic.Instrument(noise, tool, tool_error)
     of_flag("--out", synthetic.check_table, out)
     with progress_bar("equilibria") as notify:
         try:
             made = synthetic.set_up(
                 robot,
                 loads,
-                actual=really,
+                actual=actual,
                 mounting=mounting,
                 instrument=instrument,
                 progress=lambda share: notify("equilibria", 0.95 * share),
@@ -293,8 +320,8 @@ def simulate(
         notify("table", 0.95)
         table, truth = synthetic.write(found, out)
     if as_json:
-        settings = {"actual": changes, "seed": seed}
-        for part in (loads, really, mounting, instrument):
+        settings = {"actual": actual.changes, "seed": seed}
+        for part in (loads, actual, mounting, instrument):
             settings |= {k: v for k, v in vars(part).items() if k not in _NOT_SETTINGS}
         for name in ("tensions", "displacements", "masses"):
             if settings[name] is None:

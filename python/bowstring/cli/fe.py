@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from bowstring.cli.flags import Number, PerTendon, Range, of_flag
-from bowstring.cli.groups import option
+from bowstring.cli.groups import Group, option
 from bowstring.cli.options import AsJson, RobotArgument, Weight, out_folder
 from bowstring.cli.output import (
     Stopped,
@@ -31,27 +31,35 @@ if TYPE_CHECKING:
     from bowstring.fem.comparison import RodComparison
     from bowstring.fem.convergence import Convergence
     from bowstring.fem.mesh import Fineness
-    from bowstring.fem.run import BrickRun
+    from bowstring.fem.run import BrickRun, Motion, Settings
 
 _STEPS = 8  # default number of loads of a sweep
 
 
-def fe(
-    robot: RobotArgument,
-    tension: Annotated[
-        list[float],
-        PerTendon("N", '"80 N",0,0', "Tendon tensions of the last load.", default=...),
-    ],
-    loads: Annotated[
-        list[float] | None,
-        Range(
-            "N",
-            "10:10:80",
-            "Loads to solve, as the largest tension; the others keep their ratio to it.  "
-            "[default: 8 equal steps]",
-            rule="0 or more",
+def _settings(
+    mesh: Annotated[
+        str,
+        option(
+            "M,A,R",
+            "Bricks along each module (even), around it (a multiple of 4), and rings across.",
         ),
-    ],
+    ] = "8,8,1",
+    stiffness: Annotated[
+        float, option("K", "Young's modulus of the disks over that of the backbone.")
+    ] = 1000.0,
+    grip: Annotated[
+        Literal["bonded", "sliding"],
+        typer.Option(help="Disks hold the backbone's cross-section, or let it widen and narrow."),
+    ] = "bonded",
+) -> Settings:
+    from bowstring.fem.run import Settings
+
+    settings = Settings(of_flag("--mesh", _fineness, mesh), stiffness, grip)
+    of_flag("--stiffness", Settings.check, settings)
+    return settings
+
+
+def _motion(
     rise: Annotated[
         float | None,
         Number(
@@ -76,24 +84,43 @@ def fe(
             must_be="0 or more",
         ),
     ],
-    weight: Weight,
     dynamic: Annotated[
         bool, typer.Option("--dynamic", help="Simulate a motion from rest, not a static sweep.")
     ] = False,
-    mesh: Annotated[
-        str,
-        option(
-            "M,A,R",
-            "Bricks along each module (even), around it (a multiple of 4), and rings across.",
+) -> Motion | None:
+    for flag, given in (("--rise", rise), ("--hold", hold), ("--mass-damping", mass_damping)):
+        if given is not None and not dynamic:
+            raise InputError(f"{flag} is for --dynamic; give that too.")
+    if not dynamic:
+        return None
+    from bowstring.fem.run import Motion
+
+    return Motion(rise or 1.0, hold or 0.0, mass_damping=mass_damping or 0.0)
+
+
+_Settings = Annotated["Settings", Group("Finite elements", _settings)]
+_Motion = Annotated["Motion | None", Group("Motion", _motion)]
+
+
+def fe(
+    robot: RobotArgument,
+    tension: Annotated[
+        list[float],
+        PerTendon("N", '"80 N",0,0', "Tendon tensions of the last load.", default=...),
+    ],
+    loads: Annotated[
+        list[float] | None,
+        Range(
+            "N",
+            "10:10:80",
+            "Loads to solve, as the largest tension; the others keep their ratio to it.  "
+            "[default: 8 equal steps]",
+            rule="0 or more",
         ),
-    ] = "8,8,1",
-    stiffness: Annotated[
-        float, option("K", "Young's modulus of the disks over that of the backbone.")
-    ] = 1000.0,
-    grip: Annotated[
-        Literal["bonded", "sliding"],
-        typer.Option(help="Disks hold the backbone's cross-section, or let it widen and narrow."),
-    ] = "bonded",
+    ],
+    weight: Weight,
+    motion: _Motion,
+    settings: _Settings,
     study: Annotated[
         bool,
         typer.Option(
@@ -113,29 +140,23 @@ def fe(
     if not last.any():
         raise InputError("--tension: got no tension at all; give one above 0.")
     force, gravity = weight.tip_force, weight.gravity
-    for flag, given in (("--rise", rise), ("--hold", hold), ("--mass-damping", mass_damping)):
-        if given is not None and not dynamic:
-            raise InputError(f"{flag} is for --dynamic; give that too.")
-    if dynamic and loads is not None:
+    if motion is not None and loads is not None:
         raise InputError("--loads is for statics; with --dynamic the tensions rise by --rise.")
-    if dynamic and any(force):
+    if motion is not None and any(force):
         raise InputError("--tip-force is for statics; it cannot be given with --dynamic.")
     if study and (any(force) or gravity is not None or keep is not None):
         raise InputError("--study is for tensions alone; leave out the other loads and --keep.")
 
     from bowstring.fem import report
-    from bowstring.fem.run import Motion, RunInterrupted, Settings, check_keep, ramp, sweep
+    from bowstring.fem.run import RunInterrupted, check_keep, ramp, sweep
     from bowstring.statics.load import Load
 
-    settings = Settings(of_flag("--mesh", _fineness, mesh), stiffness, grip)
-    of_flag("--stiffness", Settings.check, settings)
     out = out_folder(out, "fe")
     if keep is not None:
         of_flag("--keep", check_keep, keep)
     rows = _rows(last, loads)
     gravity = list(robot.gravity) if gravity is None else gravity
-    load_ = Load(gravity=gravity, tip_force=None if dynamic else force)
-    motion = Motion(rise or 1.0, hold or 0.0, mass_damping=mass_damping or 0.0)
+    load_ = Load(gravity=gravity, tip_force=force if motion is None else None)
     limit: Convergence | None = None
     try:
         with progress_bar("mesh") as notify:
@@ -143,10 +164,10 @@ def fe(
             if study:
                 from bowstring.fem import convergence
 
-                ends, moved = (last, motion) if dynamic else (rows, None)
-                limit = convergence.study(robot, ends, motion=moved, **common)
+                ends = rows if motion is None else last
+                limit = convergence.study(robot, ends, motion=motion, **common)
                 run = limit.run
-            elif dynamic:
+            elif motion is not None:
                 run = ramp(robot, last, motion, load=load_, keep=keep, **common)
             else:
                 run = sweep(robot, rows, load=load_, keep=keep, **common)

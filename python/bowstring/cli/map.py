@@ -13,10 +13,9 @@ from bowstring.cli.flags import of_flag
 from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
-    MaxTension,
     Models,
     RobotOfStudy,
-    Tendons,
+    Sweep,
     Tolerance,
     Weight,
     default_file,
@@ -48,8 +47,7 @@ _MANY: Final = 200_000  # points: minutes
 def map_(
     robot: RobotOfStudy,
     tolerance: Tolerance,
-    max_tension: MaxTension,
-    tendon: Tendons,
+    loading: Sweep,
     loads: Weight,
     over: Annotated[
         list[str] | None,
@@ -69,7 +67,6 @@ def map_(
         ),
     ] = None,
     models: Models = None,
-    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
     out: Annotated[
         Path | None,
         option(
@@ -98,15 +95,13 @@ def map_(
     by statics, compared with constant curvature.
     Outside the line at the tolerance, colours tell the effect that makes most of the error.
     """
-    from bowstring.validity.loading import Loading
     from bowstring.validity.map_job import map_job
     from bowstring.validity.map_settings import reach_of_ramp, read_axes, space_of
     from bowstring.validity.maps import MOST_SOLVES, check_map_file, validity_map
     from bowstring.validity.sentences import described
 
-    loading = Loading(max_tension, points, tendon)
     made = provenance_of(
-        robot, gravity_m_per_s2=loads.gravity, tip_force_N=loads.tip_force, points=points
+        robot, gravity_m_per_s2=loads.gravity, tip_force_N=loads.tip_force, points=loading.points
     )
     jobs = partial(
         map_job,
@@ -140,7 +135,7 @@ def map_(
     if over:
         axes = of_flag("--over", lambda texts: read_axes(robot, texts, loading, loads), over)
         count = math.prod(len(axis.values) for axis in axes)
-        if count > _MANY and count * points <= MOST_SOLVES:
+        if count > _MANY and count * loading.points <= MOST_SOLVES:
             warn(
                 f"{count} points are computed in memory, and a stop loses them; --store DIR keeps "
                 "what is done.",

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
     from bowstring.statics.load import Load
+    from bowstring.validity.loading import Loading
 
 
 RobotSource = Annotated[
@@ -119,24 +120,35 @@ def tolerated(text: str) -> Flag:
 
 
 Tolerance = Annotated[str, tolerated("Tolerated tip error")]
-MaxTension = Annotated[
-    float | None,
-    Number(
-        "N",
-        '"80 N"',
-        "Largest tension of the sweep.  [default: chosen for the robot]",
-        form="T",
-    ),
-]
-Tendons = Annotated[
-    dict[int, float] | None,
-    TendonShares(
-        "N[:SHARE],...",
-        "The actuated tendon, or several: 1,4:0.5 gives tendon 4 half the tension.  "
-        "[default: the first of the outermost segment]",
-        "--tendon",
-    ),
-]
+
+
+def _sweep(
+    max_tension: Annotated[
+        float | None,
+        Number(
+            "N",
+            '"80 N"',
+            "Largest tension of the sweep.  [default: chosen for the robot]",
+            form="T",
+        ),
+    ],
+    tendon: Annotated[
+        dict[int, float] | None,
+        TendonShares(
+            "N[:SHARE],...",
+            "The actuated tendon, or several: 1,4:0.5 gives tendon 4 half the tension.  "
+            "[default: the first of the outermost segment]",
+            "--tendon",
+        ),
+    ],
+    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
+) -> Loading:
+    from bowstring.validity.loading import Loading
+
+    return Loading(max_tension, points, tendon)
+
+
+Sweep = Annotated["Loading", Group("Sweep", _sweep)]
 Models = Annotated[
     str | None,
     option(

@@ -13,9 +13,8 @@ from bowstring.cli.groups import Group, option
 from bowstring.cli.options import (
     AsJson,
     MappingFile,
-    MaxTension,
     RobotOfStudy,
-    Tendons,
+    Sweep,
     Theory,
     Tolerance,
     measurements_of,
@@ -26,17 +25,6 @@ from bowstring.errors import InputError
 if TYPE_CHECKING:
     from bowstring.fem.run import Settings
     from bowstring.study.settings import Ramp
-    from bowstring.validity.loading import Loading
-
-
-def _loading(
-    max_tension: MaxTension,
-    tendon: Tendons,
-    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
-) -> Loading:
-    from bowstring.validity.loading import Loading
-
-    return Loading(max_tension, points, tendon)
 
 
 def _ramp(
@@ -141,7 +129,6 @@ class _Written:
     ] = False
 
 
-_Loading = Annotated["Loading", Group("Load", _loading)]
 _Ramp = Annotated["Ramp", Group("Motion", _ramp)]
 _FiniteElements = Annotated["Settings | None", Group("Finite elements", _finite_elements)]
 
@@ -149,7 +136,7 @@ _FiniteElements = Annotated["Settings | None", Group("Finite elements", _finite_
 def study(
     robot: RobotOfStudy,
     tolerance: Tolerance,
-    loading: _Loading,
+    loading: Sweep,
     ramp: _Ramp,
     measured: Annotated[_Measured, Group("Measurements", _Measured)],
     fe: _FiniteElements,

@@ -7,13 +7,13 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from bowstring.cli.flags import Number, of_flag
+from bowstring.cli.flags import of_flag
 from bowstring.cli.groups import option
 from bowstring.cli.options import (
     AsJson,
     Figure,
     RobotArgument,
-    Tendons,
+    Sweep,
     Tolerance,
     Weight,
     save_figure,
@@ -28,23 +28,13 @@ def uncertainty(
         option("FILE", "Distributions of numbers of the robot (YAML), or a calibration."),
     ],
     tolerance: Tolerance,
-    max_tension: Annotated[
-        float | None,
-        Number(
-            "N",
-            '"80 N"',
-            "End of the sweep.  [default: 1.5 times the limit of the nominal robot]",
-            form="T",
-        ),
-    ],
-    tendon: Tendons,
+    loading: Sweep,
     loads: Weight,
     out: Annotated[Path, Figure("uncertainty.png")],
     model: Annotated[
         Literal["cc_from_lengths", "cc_from_force", "cc_from_lengths_chord", "cc_from_force_arm"],
         typer.Option(help="Model of constant curvature."),
     ] = "cc_from_force",
-    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
     samples: Annotated[
         int,
         option("N", "Base points of the design, a power of two; d numbers make N (d + 2) samples."),
@@ -56,7 +46,6 @@ def uncertainty(
     Constant curvature has the numbers of the robot file, the simulated robot those of each sample.
     """
     from bowstring.uncertainty import read_distributions
-    from bowstring.validity.loading import Loading
     from bowstring.validity.spread import validity_spread
 
     joint = of_flag("--distributions", lambda file: read_distributions(file, robot), distributions)
@@ -68,7 +57,7 @@ def uncertainty(
             name=model,
             tolerance=tolerance,
             points=samples,
-            loading=Loading(max_tension, points, tendon),
+            loading=loading,
             load=loads,
             progress=notify,
         )
