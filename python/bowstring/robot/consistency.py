@@ -138,7 +138,9 @@ def _hole_faults(
             if inside.size:
                 which = "its backbone" if j == k else f"the backbone of segments[{j}]"
                 at = rod.at(float(fraction[inside[0]]))
-                yield float(away[inside[0]]), name, f"inside {which}; must be {_clear_of(at)}"
+                soft = ", or tendons_in: body for chambers in a soft body"
+                rule = _clear_of(at) + (soft if tendon.kind == "chamber" else "")
+                yield float(away[inside[0]]), name, f"inside {which}; must be {rule}"
 
 
 def _clear_of(section: Backbone) -> str:
