@@ -392,3 +392,17 @@ def test_a_fit_takes_tensions_of_rods_with_their_sign(rods: bs.Robot, tmp_path: 
     assert calibrate(rods, data, [young]).fit.values[young] == pytest.approx(58e9, rel=1e-3)
     with pytest.raises(InputError, match=r"priors is 'weak'"):
         calibrate(rods, data, [young], priors="weak")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.09, None), (0.11, "stretch"), (-0.11, "compress")])
+def test_a_backbone_that_is_stretched_far_is_named(
+    chambers: bs.Robot, share: float, said: str | None
+) -> None:
+    """Mean extension is the sum of the forces over E A."""
+    robot = chambers.with_({"segments.*.tendons.kind": "rod", "segments.*.tendons.area": None})
+    found = bs.solve(robot, np.full(3, -share * robot.axial_stiffness[0] / 3))
+    extension = found.tip.position[2] / robot.length - 1.0
+    assert extension == pytest.approx(share, rel=0.1)
+    told = [text for text in found.warnings() if "linearly elastic" in text]
+    assert len(told) == (said is not None)
+    assert said is None or told[0].startswith(f"the tensions {said} the backbone by about 11 %")

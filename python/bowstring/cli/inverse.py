@@ -289,7 +289,7 @@ def ik(
     found = options.solve(tip, direction)
     if found.status == "no_equilibrium":
         raise NoSolutionError(f"{robot.name}: {found.message()}", status="no_equilibrium")
-    _warn_of_rods(robot, found.tensions)
+    _warn_of_tensions(robot, found.tensions)
     row: Any = found.to_dict()
     segments = None if found.arcs is None else arc_rows(found.arcs)
     if as_json:
@@ -308,13 +308,13 @@ def ik(
     )
 
 
-def _warn_of_rods(robot: Robot, tensions: NDArray[np.float64]) -> None:
-    """Warn of rods that buckle at the least of the tensions (..., T) in N."""
+def _warn_of_tensions(robot: Robot, tensions: NDArray[np.float64]) -> None:
+    """Warn of what the least of the tensions (..., T) in N exceed, such as rods that buckle."""
     import numpy as np
 
-    from bowstring.statics.limits import compressed_rods
+    from bowstring.statics.limits import of_tensions
 
-    warn(*compressed_rods(robot, np.fmin.reduce(np.atleast_2d(tensions))))
+    warn(*of_tensions(robot, np.fmin.reduce(np.atleast_2d(tensions))))
 
 
 def _check_near(flag: str, robot: Robot, points: ArrayLike) -> None:
@@ -563,7 +563,7 @@ def _path(
             f"--path: row {row + 2} is {in_mm(float(steps[row]))} from the row before it; the "
             "robot jumps there.",
         )
-    _warn_of_rods(robot, found.tensions)
+    _warn_of_tensions(robot, found.tensions)
     reached = found.reached
     miss = np.linalg.norm(landed - tips.positions, axis=1)
     good = miss[np.isfinite(miss)]

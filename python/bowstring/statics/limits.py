@@ -30,10 +30,10 @@ __all__ = [
     "Utilisation",
     "below_base",
     "by_segment",
-    "compressed_rods",
     "has_limits",
     "of_pose",
     "of_sweep",
+    "of_tensions",
     "utilisations",
 ]
 
@@ -42,6 +42,7 @@ Floats = NDArray[np.float64]
 What = Literal["strain_limit", "yield_strength"]
 
 POINTS: Final = 5  # stations per module, as in fields
+_LARGE_STRETCH: Final = 0.1  # extension of a backbone beyond which linear elasticity is in doubt
 _NOTHING: Final = 1e-6  # depth below the base over length, below which it is rounding
 
 
@@ -152,10 +153,8 @@ def of_pose(
     return tuple(out), tuple(uses)
 
 
-def compressed_rods(robot: Robot, tensions: Floats) -> list[str]:
-    """Sentences on rods under compression: beyond Euler's load of a span, or not checked.
-
-    A rod in equidistant holes buckles to both sides in turn, so that each span has hinged ends.
+def of_tensions(robot: Robot, tensions: Floats) -> list[str]:
+    """Sentences on what the tensions alone exceed: Euler's load of rods, or small extensions.
 
     Parameters
     ----------
@@ -166,6 +165,30 @@ def compressed_rods(robot: Robot, tensions: Floats) -> list[str]:
     Returns
     -------
     list of str
+    """
+    return [*_compressed_rods(robot, tensions), *_stretched_backbones(robot, tensions)]
+
+
+def _stretched_backbones(robot: Robot, tensions: Floats) -> list[str]:
+    """Sentence on the segment that the tensions stretch or compress most, if that is much."""
+    last = robot.disks.segment[robot.tendons.end_disk]
+    forces = [float(tensions[last >= k].sum()) for k in range(len(robot.segments))]
+    stretch = -np.array(forces) / robot.axial_stiffness
+    k = int(np.argmax(np.abs(stretch)))
+    if abs(stretch[k]) <= _LARGE_STRETCH:
+        return []
+    of = f" of segment {k + 1}" * (len(robot.segments) > 1)
+    return [
+        f"the tensions {'stretch' if stretch[k] > 0.0 else 'compress'} the backbone{of} by about "
+        f"{in_percent(abs(float(stretch[k])))} of its length; the model is linearly elastic, and "
+        "the force on rubber (neo-Hookean) differs from that by a tenth at 10 %, by more beyond."
+    ]
+
+
+def _compressed_rods(robot: Robot, tensions: Floats) -> list[str]:
+    """Sentences on rods under compression: beyond Euler's load of a span, or not checked.
+
+    A rod in equidistant holes buckles to both sides in turn, so that each span has hinged ends.
     """
     if robot.is_embedded:  # the body holds them everywhere
         return []

@@ -420,8 +420,8 @@ class Solution(Result):
         Returns
         -------
         warnings : tuple of str
-            Rods that buckle, disks below the base, and segments beyond ``yield_strength`` or
-            ``strain_limit``.
+            Rods that buckle, a backbone stretched beyond linear elasticity, disks below the base,
+            and segments beyond ``yield_strength`` or ``strain_limit``.
         uses : tuple of `bowstring.statics.limits.Utilisation`
             Utilisation of each limit; empty if the robot file has none or the solve failed.
         """
@@ -430,9 +430,9 @@ class Solution(Result):
         if not self.converged or self.disk_positions is None:
             return (), ()
         frames = partial(self._frames, limits.POINTS)
-        rods = limits.compressed_rods(self.robot, self.tensions)
+        of_tensions = limits.of_tensions(self.robot, self.tensions)
         warnings, uses = limits.of_pose(self.robot, self.disk_positions, frames, self.model)
-        return (*rods, *warnings), uses
+        return (*of_tensions, *warnings), uses
 
     def warnings(self) -> tuple[str, ...]:
         """Warnings: disks below the base, and limits of the backbone that are exceeded.

@@ -211,9 +211,9 @@ class Study:
     @cached_property
     def _limits(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         s = self.statics
-        rods = limits.compressed_rods(self.robot, s.tension[-1] * np.array(self.settings.shares))
+        largest = s.tension[-1] * np.array(self.settings.shares)
         found, uses = limits.of_sweep(self.robot, s.tension, s.disk_positions, s.surface.by_segment)
-        return (*rods, *found), uses
+        return (*limits.of_tensions(self.robot, largest), *found), uses
 
     @property
     def warnings(self) -> tuple[str, ...]:
