@@ -23,6 +23,7 @@ BENCHED = (*BENCH, "--tensions", "0:5:10")
 FITTED = ("fit", "amouri2019", "--parameter", "base")
 UPRIGHT = ("--set", "gravity=0 0 -9.80665 m/s^2")
 FIT = ("fit", "amouri2019", "--measurements", str(TABLE), *UPRIGHT)
+COMPARE = (*FIT, "--parameter", "base", "--compare")
 E = "segments.0.backbone.E"
 
 
@@ -135,6 +136,11 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ((*FIT, "--parameter", E, "--folds", "2", "--holdout", "0.2"), "are ways to validate"),
         ((*FIT, "--parameter", E, "--folds", "2", "--validate", "x"), "are ways to validate"),
         ((*FIT, "--parameter", E, "--filter"), "--filter needs a table to predict"),
+        ((*FIT, "--parameter", E, "--residual"), "rows that are not fitted; give --validate FILE"),
+        ((*COMPARE, "--model", "arc"), "leave --model out"),
+        ((*COMPARE, "--holdout", "0.2"), "give --folds in place of --holdout"),
+        ((*COMPARE, "--start", "calibration.json"), "leave --start out"),
+        ((*COMPARE, "--folds", "16"), "too few to compare models"),
         ((*FIT, "--parameter", E, "--validate", str(TABLE)), "is the table that is fitted"),
         ((*FIT, "--parameter", E, "--start", "no.json"), "cannot read no.json"),
         ((*FIT, "--parameter", E, "--gravity-on-masses", "-1"), "--gravity-on-masses: got -1"),
@@ -156,6 +162,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--out", "mine"], ("--out: cannot write the study", "no study of Bowstring")),
         (["--out", "mine/notes.txt"], "is a file"),
     ],
+    ("suite",): [(["--out", "mine"], "no suite of Bowstring")],
     SOLVE: [
         (["--displacement", "1,2"], "--displacement: got 2 numbers;"),
         (["--displacement", "0,0,0,0"], "--displacement: got 4 numbers;"),
