@@ -179,10 +179,8 @@ ARGUMENTS: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"tolerance": True}, "tolerance is True"),
         ({"tolerance": "0.5 N"}, "tolerance is .0.5 N., it must be a length above 0"),
         ({"spectral_radius": None}, "spectral_radius is None"),
-        ({"disk_forces": "x"}, "disk_forces must be numbers"),
         ({"tip_force": [1.0, 2.0]}, "tip_force has shape"),
         ({"initial_tensions": [1.0]}, "start.load.tensions has shape"),
-        ({"disk_forces": [[0.0, 0.0, 0.0]]}, "disk_forces"),
         ({"path": "no/such/folder/run.nc"}, "does not exist"),
         # booleans and text are rejected as numbers everywhere
         *(
@@ -197,7 +195,6 @@ ARGUMENTS: dict[str, list[tuple[dict[str, Any], str]]] = {
         ({"tensions": ["5", "0", "0"]}, "tensions is .* it must be 3 numbers in N, a table"),
         ({"tip_force": [True, 0, 0]}, "tip_force is .* it must be 3 numbers"),
         ({"initial_tensions": (0, 0, True)}, "start.load.tensions is .* it must be 3 numbers"),
-        ({"disk_forces": np.ones((9, 3), dtype=bool)}, "disk_forces must be num"),
         ({"gravity": [True, False, False]}, "gravity is .* it must be 3 numbers in m/s"),
         ({"tensions": lambda t: [True, False, False]}, "returned .True, .* at 0 s, it must be 3 n"),
         ({"tensions": lambda t: "high"}, "returned 'high' at 0 s"),

@@ -462,11 +462,6 @@ def test_round_trip(theta, phi, routing):
     again = got.lengths(routing)
     np.testing.assert_allclose(again, lengths, rtol=1e-13)
 
-    # chained Jacobians of a map and its inverse
-    forth = got.lengths_jacobian(routing)
-    back = Arc.from_lengths(lengths, routing).from_lengths_jacobian(routing)
-    np.testing.assert_allclose(back @ forth, np.eye(3), atol=1e-10)
-
 
 @given(thetas, phis, st.floats(0.01, 10))
 def test_rotation_is_a_rotation(theta, phi, length):
@@ -478,9 +473,6 @@ def test_rotation_is_a_rotation(theta, phi, length):
     mirror = Arc(-theta / length, phi, length).fk()
     other = Arc(theta / length, phi + np.pi, length).fk()
     np.testing.assert_allclose(mirror.position, other.position, atol=1e-14 * length)
-    if theta < 6:
-        back = Arc.ik(position)
-        np.testing.assert_allclose(back.fk().position, position, atol=1e-13 * length)
 
 
 @given(phis, st.floats(-16, -0.5), routings())
