@@ -21,6 +21,7 @@ SIMULATE = ("simulate", "amouri2019")
 BENCH = ("bench", "simulate", "amouri2019", "--out", "bench.csv")
 BENCHED = (*BENCH, "--tensions", "0:5:10")
 FITTED = ("fit", "amouri2019", "--parameter", "base")
+RELAXES = ("--actual", "segments.0.backbone.relaxation=0.2")
 UPRIGHT = ("--set", "gravity=0 0 -9.80665 m/s^2")
 FIT = ("fit", "amouri2019", "--measurements", str(TABLE), *UPRIGHT)
 COMPARE = (*FIT, "--parameter", "base", "--compare")
@@ -233,6 +234,8 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--masses", "1", "--actual", "E"], '--actual: got "E"; write for example --actual'),
         (["--masses", "1", "--actual", "segments.0.backbone.Q=1"], "unknown field"),
         (["--masses", "1", "--gravity-frame", "world"], "--gravity-frame"),
+        (["--masses", "1", *RELAXES], "--period: amouri2019 has relaxation or creep"),
+        (["--masses", "1", *RELAXES, "--period", "soon"], "write for example --period"),
         (["--masses", "1", "--gravity-on-masses", "0"], "got 0 m/s^2; must be positive"),
     ],
     SIMULATE: [

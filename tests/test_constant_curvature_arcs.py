@@ -475,31 +475,6 @@ def test_rotation_is_a_rotation(theta, phi, length):
     np.testing.assert_allclose(mirror.position, other.position, atol=1e-14 * length)
 
 
-@given(phis, st.floats(-16, -0.5), routings())
-@settings(max_examples=200, deadline=None)
-def test_continuous_through_straight(phi, exponent, routing):
-    """Values and Jacobians differ from the straight ones by no more than their slope allows."""
-    theta = 10.0**exponent
-    near, straight = (theta / LENGTH, phi, LENGTH), (0.0, phi, LENGTH)
-    for f, slope in (
-        (lambda *c: Arc(*c).fk().position, 3.0),
-        (lambda *c: Arc(*c).fk().rotation, 2.0),
-        (lambda *c: Arc(*c).jacobian(), 3.0),
-        (lambda *c: Arc(*c).jacobian("curvature"), 3.0),
-        (lambda *c: Arc(*c).lengths(routing), 0.1),
-        (lambda *c: Arc(*c).lengths_jacobian(routing), 0.1),
-    ):
-        assert np.linalg.norm(f(*near) - f(*straight)) <= slope * theta + 1e-15
-
-    lengths = Arc(*near).lengths(routing)
-    flat = Arc(*straight).lengths(routing)
-    np.testing.assert_allclose(
-        tip_by_lengths(lengths, routing),
-        tip_by_lengths(flat, routing),
-        atol=3e3 * theta + 1e-12,
-    )
-
-
 @pytest.mark.parametrize("theta", [0.0, 1e-8, None])
 @given(st.floats(1e-3, 6.2), phis, st.floats(0.05, 0.95))
 @settings(max_examples=50, deadline=None)

@@ -180,17 +180,6 @@ def test_rows_with_a_period_let_the_robot_relax(robot: bs.Robot, tmp_path: Path)
     refused("period is -1", lambda: set_up(robot, **bench(**{**given, "period": -1.0})))
 
 
-def test_the_command_writes_times(shell: Shell, tmp_path: Path) -> None:
-    out = tmp_path / "relaxing.csv"
-    call = ("bench", "simulate", "amouri2019", "--tensions", "0:10:40", "--out", str(out))
-    call = (*call, "--actual", "segments.0.backbone.relaxation=0.2")
-    assert "--period: amouri2019 has relaxation or creep" in shell.error(*call)
-    assert "write for example --period" in shell.error(*call, "--period", "soon")
-    found = shell.json(*call, "--period", "10 s")
-    assert found["truth"]["loads"]["period_s"] == 10.0
-    assert read_measurements(out, bs.load_robot("amouri2019")).time[:2].tolist() == [0.0, 10.0]
-
-
 def test_noise_has_the_stated_size(study: Bench) -> None:
     rng = np.random.default_rng(2)
     noise = np.concatenate([study.measure(rng).tip - study.points for _ in range(100)])
@@ -724,6 +713,9 @@ def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.Mo
     assert (found.tensions[:, 1:] == 0).all() and found.tool.tolist() == [0, 0, 0.008]
     shell.json(*COMMAND, "--tensions", "10,20,5")
     assert read_measurements(tmp_path / "bench.csv").tensions[:, 0].tolist() == [10, 20, 5, 20, 10]
+    relaxes = ("--actual", "segments.0.backbone.relaxation=0.2", "--period", "10 s")
+    found = shell.json(*COMMAND, "--tensions", "0:10:40", *relaxes)
+    assert found["truth"]["loads"]["period_s"] == 10.0
     shell.json(*COMMAND, "--masses", "0:100 g:0.3")
     masses = json.loads((tmp_path / "bench.truth.json").read_text())["loads"]["masses_kg"]
     assert masses == [0, 0.1, 0.2, 0.3]
