@@ -7,10 +7,12 @@ from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
 import pytest
 
 import bowstring as bs
 from bowstring.data import synthetic
+from bowstring.data.measurements import Measurements
 from bowstring.errors import InputError
 
 _MODEL = ("theory", "tendon_path", "twist", "elements")
@@ -68,6 +70,25 @@ def bench(**given: Any) -> dict[str, Any]:
         if mine or argument == "loads":
             out[argument] = kind(**mine)
     return {**out, **named}
+
+
+def measured(points: Any, **columns: Any) -> Measurements:
+    """Synthetic measurements of tips (K, 3) or points (K, P, 3); commands not given are NaN."""
+    points = np.asarray(points, float)
+    rows = len(points)
+    commands = [columns[name] for name in ("tensions", "displacements") if name in columns]
+    none = np.full(np.shape(commands[0]), np.nan)
+    given: dict[str, Any] = {
+        "source": "synthetic",
+        "name": "made",
+        "tensions": none,
+        "displacements": none,
+        "points": points if points.ndim == 3 else points[:, None],
+        "line": np.arange(rows),
+        "group": np.full(rows, ""),
+        "repeat": np.ones(rows, dtype=int),
+    }
+    return Measurements(**{**given, **columns})
 
 
 #: The arguments of `synthetic.STUDY` by name.

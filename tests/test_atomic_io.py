@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,23 +34,33 @@ from bowstring.robot.reader import load_robot
 from bowstring.study import report
 from bowstring.viz import vtk
 from made_frames import made_file
+from objects import refused
 
 SEALED = Path("/proc")  # accepts no files, whatever its permissions
 
 sealed = pytest.mark.skipif(not SEALED.is_dir(), reason="needs /proc, a folder that takes no file")
 
 
+#: Checks of output paths, by a name that each takes.
+CHECKS: dict[str, Callable[[Path], object]] = {
+    "a.gif": lambda place: check_file(place, "animation", (".gif",), b"mark"),
+    "run.nc": run_file.check_file,
+    "bench.csv": synthetic.check_table,
+    "series": vtk.check_folder,
+    "study": report.check_folder,
+}
+
+
+def refused_by_all(says: str, folder: Path) -> None:
+    for name, check in CHECKS.items():
+        refused(says, partial(check, folder / name))
+
+
 @sealed
 def test_a_folder_that_takes_no_file_is_refused() -> None:
-    with pytest.raises(InputError, match="the folder /proc may not be written"):
-        check_file(SEALED / "x.step", "solid", (".step",), b"mark")
-    with pytest.raises(InputError, match="the folder /proc may not be written"):
-        run_file.check_file(SEALED / "run.nc")
-    with pytest.raises(InputError, match="the folder /proc may not be written"):
-        synthetic.check_table(SEALED / "bench.csv")
+    refused_by_all("the folder /proc may not be written", SEALED)
     for check in (vtk.check_folder, report.check_folder):
-        with pytest.raises(InputError, match="the folder /proc may not be written"):
-            check(SEALED / "a" / "b")
+        refused("the folder /proc may not be written", partial(check, SEALED / "a" / "b"))
 
 
 def test_a_free_path_is_not_touched(tmp_path: Path) -> None:
@@ -61,27 +72,17 @@ def test_a_free_path_is_not_touched(tmp_path: Path) -> None:
 
 def test_impossible_paths_are_named(tmp_path: Path) -> None:
     (tmp_path / "notes").write_text("mine")
-    with pytest.raises(InputError, match=r"no: .*notes is a file"):
-        check_place(tmp_path / "notes" / "a", "no")
-    with pytest.raises(InputError, match="no: File name too long"):
-        check_place(tmp_path / ("x" * 300), "no")
-    with pytest.raises(InputError, match="no: its name is not valid"):
-        check_place(tmp_path / "a\0", "no")
+    refused(r"no: .*notes is a file", lambda: check_place(tmp_path / "notes" / "a", "no"))
+    refused("no: File name too long", lambda: check_place(tmp_path / ("x" * 300), "no"))
+    refused("no: its name is not valid", lambda: check_place(tmp_path / "a\0", "no"))
 
 
 def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
-    for name in ("a.gif", "a.csv"):
+    for name in CHECKS:
         (tmp_path / name).symlink_to(tmp_path / f"b{name}")
         (tmp_path / f"b{name}").symlink_to(tmp_path / name)
-    for check in (run_file.check_file, vtk.check_folder, report.check_folder):
-        with pytest.raises(InputError, match="links lead to it in a circle"):
-            check(tmp_path / "a.gif")
-    with pytest.raises(InputError, match="links lead to it in a circle"):
-        check_file(tmp_path / "a.gif", "animation", (".gif",), b"mark")
-    with pytest.raises(InputError, match="links lead to it in a circle"):
-        synthetic.check_table(tmp_path / "a.csv")
-    with pytest.raises(InputError, match="its name is not valid"):
-        run_file.check_file("\0")
+    refused_by_all("links lead to it in a circle", tmp_path)
+    refused("its name is not valid", lambda: run_file.check_file("\0"))
 
 
 def test_a_working_folder_that_was_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,8 +91,7 @@ def test_a_working_folder_that_was_removed(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(gone)
     gone.rmdir()
     for check in (run_file.check_file, vtk.check_folder, report.check_folder):
-        with pytest.raises(InputError, match="No such file or directory"):
-            check("run")
+        refused("No such file or directory", partial(check, "run"))
 
 
 def test_files_of_other_users_are_not_replaced(
@@ -102,18 +102,13 @@ def test_files_of_other_users_are_not_replaced(
     made_file(tmp_path / "run.nc", robot, {}).finish()
     (tmp_path / "a.gif").write_text("")
     (tmp_path / "series").mkdir()
-    checks = (
-        lambda: run_file.check_file(tmp_path / "run.nc"),
-        lambda: check_file(tmp_path / "a.gif", "animation", (".gif",), b"mark"),
-        lambda: vtk.check_folder(tmp_path / "series"),
-    )
+    checks = [partial(CHECKS[name], tmp_path / name) for name in ("run.nc", "a.gif", "series")]
     monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
     for check in checks:
         check()
     tmp_path.chmod(0o1777)
     for check in checks:
-        with pytest.raises(InputError, match="another user's, who alone may replace it in"):
-            check()
+        refused("another user's, who alone may replace it in", check)
     run_file.check_file(tmp_path / "new.nc")
     monkeypatch.undo()
     for check in checks:
@@ -156,12 +151,10 @@ def test_permissions_are_those_of_any_new_file(tmp_path: Path, mask: int) -> Non
 def test_the_root_and_the_working_folder_are_refused(
     check: Callable[[Path], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(InputError, match="it is the root of the file system"):
-        check(Path("/"))
+    refused("it is the root of the file system", lambda: check(Path("/")))
     (tmp_path / "a").mkdir()
     monkeypatch.chdir(tmp_path / "a")
-    with pytest.raises(InputError, match="the working folder is or lies in it"):
-        check(Path())
+    refused("the working folder is or lies in it", lambda: check(Path()))
     check(Path("new"))
 
 
@@ -187,8 +180,7 @@ def test_a_large_foreign_tree_is_not_walked(
             yield each
 
     monkeypatch.setattr(os, "walk", counted)
-    with pytest.raises(InputError, match="no study of Bowstring"):
-        report.check_folder(tmp_path / "mine")
+    refused("no study of Bowstring", lambda: report.check_folder(tmp_path / "mine"))
     assert len(looked) <= 2
 
 
@@ -331,9 +323,7 @@ def test_a_full_drive_is_named_before_the_work(
 ) -> None:
     full = shutil.disk_usage(tmp_path)._replace(free=0)
     monkeypatch.setattr(shutil, "disk_usage", lambda place: full)
-    for check in (run_file.check_file, synthetic.check_table, vtk.check_folder):
-        with pytest.raises(InputError, match="the drive is full; make room"):
-            check(tmp_path / ("a.csv" if check is synthetic.check_table else "a.nc"))
+    refused_by_all("the drive is full; make room", tmp_path)
     # a drive without sizes is not full
     monkeypatch.setattr(shutil, "disk_usage", lambda place: full._replace(total=0))
     check_file(tmp_path / "a.svg", "figure", (".svg",), b"")
@@ -349,8 +339,7 @@ def test_what_libraries_say_of_a_full_drive(
         raise RuntimeError("Failed to write STEP file")
 
     monkeypatch.setattr("bowstring.cad.export._step", failed)
-    with pytest.raises(InputError, match="Permission denied"):
-        write_whole_file(tmp_path / "a.nc", "map", denied)
+    refused("Permission denied", lambda: write_whole_file(tmp_path / "a.nc", "map", denied))
     with pytest.raises(InputError, match="the CAD kernel failed"):
         write_solid(None, tmp_path / "a.step")  # type: ignore[arg-type]
     almost = shutil.disk_usage(tmp_path)._replace(free=5000)
@@ -359,6 +348,5 @@ def test_what_libraries_say_of_a_full_drive(
         lambda: write_whole_file(tmp_path / "a.nc", "map", denied),
         lambda: write_solid(None, tmp_path / "a.step"),  # type: ignore[arg-type]
     ):
-        with pytest.raises(InputError, match="the drive is full; make room"):
-            write()
+        refused("the drive is full; make room", write)
     assert os.listdir(tmp_path) == []

@@ -105,20 +105,30 @@ def test_expected_error_of_a_fit_is_its_error_at_new_rows(
     assert honest / trials > least and held < honest
 
 
-def test_one_step_is_a_fit_to_the_resample() -> None:
-    residual, linear, unit, _ = fitted(1)
-    flat = linear.by_parameter.reshape(-1, 6)
-    random, own, whole = np.random.default_rng(5), [], []
+@pytest.mark.parametrize("has_priors", [False, True])
+def test_one_step_is_a_fit_to_the_resample(has_priors: bool) -> None:
+    """Priors are the same in every resample."""
+    rng = np.random.default_rng(7)
+    rows, parameters = 24, 6
+    unit, flat = np.arange(rows), rng.normal(size=(3 * rows, parameters))
+    own = np.diag(rng.uniform(3, 10, parameters))[: parameters if has_priors else 0]
+    target = np.concatenate([rng.normal(size=3 * rows), own @ rng.normal(size=parameters)])
+    both = np.concatenate([flat, own])
+    at = both @ np.linalg.lstsq(both, target, rcond=None)[0] - target
+    residual, by_priors = at[: 3 * rows].reshape(rows, 3), at[3 * rows :]
+    linear = Linear(flat.reshape(rows, 3, -1), residual, np.ones((rows, 3)), own, by_priors)
+    drawn_error, whole = [], []
     for _ in range(600):
-        drawn = random.integers(0, len(unit), len(unit))
-        rows = (3 * drawn[:, None] + np.arange(3)).ravel()
-        change = np.linalg.lstsq(flat[rows], -residual.ravel()[rows], rcond=None)[0]
-        error = np.linalg.norm((residual.ravel() + flat @ change).reshape(-1, 3), axis=1)
-        own.append(error[drawn].mean())
+        drawn = rng.integers(0, rows, rows)
+        some = (3 * drawn[:, None] + np.arange(3)).ravel()
+        force = np.concatenate([at[some], by_priors])
+        change = np.linalg.lstsq(np.concatenate([flat[some], own]), -force, rcond=None)[0]
+        error = np.linalg.norm(residual + (flat @ change).reshape(rows, 3), axis=1)
+        drawn_error.append(error[drawn].mean())
         whole.append(error.mean())
-    mean = np.linalg.norm(residual, axis=1).mean() + np.mean(whole) - np.mean(own)
+    mean = np.linalg.norm(residual, axis=1).mean() + np.mean(whole) - np.mean(drawn_error)
     found = refitted(residual, linear, unit)
     assert found is not None and found.mean == pytest.approx(mean, rel=0.01)
-    width = np.subtract(*np.quantile(own, [0.975, 0.025]))
+    width = np.subtract(*np.quantile(drawn_error, [0.975, 0.025]))
     assert np.diff(found.interval)[0] == pytest.approx(width, rel=0.1)
     assert refitted(residual[:5], linear, unit[:5]) is None

@@ -99,14 +99,17 @@ def test_backlash_begins_within_its_play():
     assert found == pytest.approx(at, abs=1e-9)
 
 
-def test_each_recording_has_its_own_state():
-    robot = ROBOT.with_(MEMORIES["hysteresis"])
-    rows = np.vstack((course(4), course(5, 1)))
+@pytest.mark.parametrize(
+    ("law", "held"), [(MEMORIES["hysteresis"], {}), ({}, {"backlash": 4e-4, "delay": 0.3})]
+)
+def test_each_recording_has_its_own_state(law, held):
+    robot = ROBOT.with_(law)
+    rows, time = np.vstack((course(4), course(5, 1))), np.r_[np.arange(4.0), np.arange(5.0)]
     recording = np.repeat([3, 7], [4, 5])
     second = {name.replace("displacement.0", "displacement.1"): v for name, v in INITIAL.items()}
-    found = predicted(robot, rows, start=second, recording=recording)
-    assert np.array_equal(found[:4], predicted(robot, rows[:4]))
-    alone = predicted(robot, rows[4:], start=INITIAL)
+    found = predicted(robot, rows, start=second | held, recording=recording, time=time)
+    assert np.array_equal(found[:4], predicted(robot, rows[:4], start=held, time=time[:4]))
+    alone = predicted(robot, rows[4:], start=INITIAL | held, time=time[4:])
     assert np.array_equal(found[4:], alone)
 
 

@@ -290,18 +290,6 @@ def test_the_loss_is_that_of_all_fits(robot: Robot) -> None:
     np.testing.assert_array_equal(found["rod_calibrated"].residuals, crossed.residuals)
 
 
-def test_flags_of_a_comparison(shell: Shell, tmp_path: Path) -> None:
-    base = ("fit", "amouri2019", "--measurements", str(ROOT / "examples" / "bench.csv"))
-    base += ("--parameter", "base", "--compare")
-    for flags, says in (
-        (("--model", "arc"), "leave --model out"),
-        (("--holdout", "0.2"), "give --folds in place of --holdout"),
-        (("--start", str(tmp_path / "calibration.json")), "leave --start out"),
-        (("--folds", "16"), "too few to compare models"),
-    ):
-        assert says in shell.error(*base, *flags)
-
-
 # -- output ---------------------------------------------------------------------------------------
 
 

@@ -15,6 +15,7 @@ from bowstring.calibration import fit_orientation
 from bowstring.constant_curvature import RobotArcs
 from bowstring.data.measurements import Measurements, write_measurements
 from bowstring.errors import InputError
+from objects import measured
 from shell import Shell, adapter
 
 Floats = NDArray[np.float64]
@@ -30,16 +31,10 @@ def made(seed: int, noise: float = NOISE) -> Measurements:
     displacements = size[:, None] * np.cos(towards[:, None] - angles)
     arc = RobotArcs.from_lengths(ROBOT, ROBOT.length - displacements, hold_length=True).arc
     bend, direction = GAIN * (arc.kappa * arc.length)[:, 0], arc.phi[:, 0]
-    none = np.full((60, 3), np.nan)
-    return Measurements(
-        source="synthetic",
+    return measured(
+        np.empty((60, 0, 3)),
         name="angles",
-        tensions=none,
         displacements=displacements,
-        points=np.empty((60, 0, 3)),
-        line=np.arange(60),
-        group=np.full(60, ""),
-        repeat=np.ones(60, dtype=int),
         bend=bend + noise * rng.normal(size=60),
         direction=direction + noise * rng.normal(size=60) / np.sin(bend),
     )

@@ -33,10 +33,11 @@ from bowstring.data import Measurements
 from bowstring.data.measurements import load, write_measurements
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
+from objects import measured
 from shell import Shell
+from test_calibration_fitting import E, made_up_displacements, three_segments
 
 Floats = NDArray[np.float64]
-E = "segments.0.backbone.E"
 SHARED = "segments.*.tendons.compliance"
 ROD = RodModel()
 #: Disks of two markers and the tip of the study's robot, from 0.
@@ -49,18 +50,8 @@ def one_segment() -> Robot:
     return bs.load_robot("amouri2019")
 
 
-def three_segments(**more: Any) -> Robot:
-    return bs.load_robot("crl-ftdcr-v4", {SHARED: 1e-4, **more})
-
-
 def tensions(rows: int = 30, seed: int = 3) -> Floats:
     return np.random.default_rng(seed).uniform(0.0, 50.0, (rows, 3))
-
-
-def displacements(rows: int) -> Floats:
-    phase = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, (9, 3))
-    t = np.linspace(0.0, 6.0 * np.pi, rows)[:, None, None]
-    return np.asarray(1e-3 * np.sin(t * [1.0, 0.4, 1.7] + phase).sum(axis=2))
 
 
 def made(
@@ -118,14 +109,23 @@ def test_exact_derivatives_match_differences(mixed: bool) -> None:
     robot = three_segments(
         **{
             "segments.0.tendons.pretension": 0.5,
+            "segments.2.tendons.axial_stiffness": 5e3,
             "segments.2.tendons.free_length": 0.3,
             "gravity": "0 0 9.81 m/s^2",
         }
     )
     names = [SHARED, "segments.0.tendons.pretension", "segments.2.tendons.free_length"]
-    names += ["gain.tendons", "offset.tendons", "backlash", "delay", "base", "tool"]
+    names += [
+        "segments.2.tendons.axial_stiffness",
+        "gain.tendons",
+        "offset.tendons",
+        "backlash",
+        "delay",
+        "base",
+        "tool",
+    ]
     names += ["marker.0", "marker.1", "marker.2", "segments.1.backbone.E"]
-    given = displacements(12)
+    given = made_up_displacements(12)
     forces = np.full_like(given, np.nan)
     if mixed:
         given[:, 4], forces[:, 4] = np.nan, np.linspace(0.5, 3.0, 12)
@@ -200,7 +200,7 @@ def test_recovers_offsets_and_stiffness() -> None:
 def test_recovers_from_displacements_with_markers_that_are_not_always_seen() -> None:
     robot = three_segments()
     truth = {SHARED: 1.2e-4, "gain": 0.97, "tool.z": 0.008, "marker.0.x": 0.02, "marker.1.y": 0.01}
-    data = made(robot, truth, (9, 19, 29), displacements=displacements(40))
+    data = made(robot, truth, (9, 19, 29), displacements=made_up_displacements(40))
     data = blank(data, (slice(None, None, 3), 0))  # the first marker in every third row
     data = blank(data, (1, 2))  # the tip
     data = blank(blank(data, 4), (7, 1, 2))  # a whole row, and one coordinate
@@ -400,17 +400,8 @@ def test_rows_of_a_fit_move_together_in_a_resample() -> None:
 
 
 def measurements(data: Data) -> Measurements:
-    given = np.asarray(data.tensions)
-    return Measurements(
-        source="synthetic",
-        name="markers",
-        tensions=given,
-        displacements=np.full_like(given, np.nan),
-        points=np.asarray(data.points),
-        line=np.arange(len(given)),
-        group=np.full(len(given), ""),
-        repeat=np.ones(len(given), int),
-        stations=np.asarray(data.stations),
+    return measured(
+        data.points, tensions=np.asarray(data.tensions), stations=np.asarray(data.stations)
     )
 
 

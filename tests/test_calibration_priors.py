@@ -5,7 +5,6 @@ import pytest
 
 import bowstring as bs
 from bowstring.calibration import default_priors
-from bowstring.calibration.bootstrap import Linear, refitted
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.fitting import fit
 from bowstring.calibration.intervals import Dependence, Uncertainty
@@ -13,10 +12,11 @@ from bowstring.calibration.observations import Data
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.priors import Priors, read_priors
 from bowstring.errors import InputError
+from objects import refused
 from test_calibration_fitting import (
     GIVE,
     ONE_DISPLACED,
-    SIDE,
+    E,
     giving,
     masses,
     single,
@@ -24,13 +24,9 @@ from test_calibration_fitting import (
     synthetic,
 )
 
-E = "segments.0.backbone.E"
-LOADS = {"as": "tensions", "x": masses() + SIDE}
-
 
 def random_loads(rows, seed):
-    tensions = np.random.default_rng(seed).uniform(0, 40, (rows, 3))
-    return {"as": "tensions", "x": tensions}
+    return np.random.default_rng(seed).uniform(0, 40, (rows, 3))
 
 
 def dependence(rows, *, apart=True):
@@ -45,7 +41,7 @@ def dependence(rows, *, apart=True):
 
 def test_a_parameter_that_data_do_not_identify_keeps_its_prior_synthetic():
     """Without gravity tips determine only the ratio of E to the gain of all tensions."""
-    data = synthetic(single(), [E], {E: 36e9}, LOADS, noise=2e-5)
+    data = synthetic(single(), [E], {E: 36e9})
     alone = fit(single(), data, [E, "gain"])
     assert alone.not_identifiable == ((E, "gain"),)
     found = fit(single(), data, [E, "gain"], priors={"gain": 0.02})
@@ -63,7 +59,7 @@ def test_a_parameter_that_data_do_not_identify_keeps_its_prior_synthetic():
 
 
 def test_a_parameter_without_effect_may_have_a_prior_synthetic():
-    data = synthetic(single(), [E], {}, LOADS, noise=2e-5)
+    data = synthetic(single(), [E], {})
     mass = "segments.0.disks.mass"  # without gravity
     found = fit(single(), data, [E, mass], priors={mass: 3e-4})[mass]
     assert found.value == pytest.approx(20.0) and found.standard_error == pytest.approx(0.3)
@@ -72,7 +68,7 @@ def test_a_parameter_without_effect_may_have_a_prior_synthetic():
 @pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber"])
 def test_estimates_lie_between_data_and_prior_by_their_weights_synthetic(loss):
     """The posterior mean of one parameter of a nearly linear model, with known noise."""
-    data = synthetic(single(), ["gain"], {"gain": 1.02}, LOADS, noise=1e-2)
+    data = synthetic(single(), ["gain"], {"gain": 1.02}, noise=1e-2)
     alone = fit(single(), data, ["gain"], loss=loss)["gain"]
     found = fit(single(), data, ["gain"], loss=loss, priors={"gain": 0.01})["gain"]
     precision = np.array([alone.standard_error**-2, 0.01**-2])
@@ -83,7 +79,7 @@ def test_estimates_lie_between_data_and_prior_by_their_weights_synthetic(loss):
 
 
 def test_a_wide_prior_changes_nothing_and_a_narrow_one_holds_synthetic():
-    data = synthetic(single(), ["gain"], {"gain": 1.05}, LOADS, noise=2e-5)
+    data = synthetic(single(), ["gain"], {"gain": 1.05})
     names = ["gain", "base.x"]
     alone, wide, narrow = (
         fit(single(), data, names, priors=priors)
@@ -99,7 +95,7 @@ def test_a_wide_prior_changes_nothing_and_a_narrow_one_holds_synthetic():
 
 
 def test_the_initial_value_does_not_move_the_prior_synthetic():
-    data = synthetic(single(), ["gain"], {"gain": 1.03}, LOADS, noise=5e-3)
+    data = synthetic(single(), ["gain"], {"gain": 1.03}, noise=5e-3)
     ends = [
         fit(single(), data, ["gain"], priors={"gain": 0.01}, start=start)["gain"]
         for start in (None, {"gain": 1.2})
@@ -114,7 +110,7 @@ def test_the_initial_value_does_not_move_the_prior_synthetic():
 def test_more_parameters_than_rows_need_priors_synthetic():
     names = [E, "gain.tendons", "pitch_radius", "hole_angle"]
     truth = {E: 33e9, "gain.tendons.1": 1.02}
-    data = synthetic(single(), names, truth, random_loads(4, 0), noise=1e-4)
+    data = synthetic(single(), names, truth, tensions=random_loads(4, 0), noise=1e-4)
     with pytest.raises(InputError, match="4 measured points are too few for 6 parameters"):
         fit(single(), data, names)
     found = fit(single(), data, names, priors="default")
@@ -220,7 +216,7 @@ def test_the_cost_of_the_piecewise_model_includes_the_priors_synthetic():
 
 
 def test_outliers_hardly_move_a_robust_fit_with_priors_synthetic():
-    data = synthetic(single(), ["gain"], {"gain": 1.01}, LOADS, noise=2e-5)
+    data = synthetic(single(), ["gain"], {"gain": 1.01})
     data.points[7:10] += 0.03
     robust, plain = (
         fit(single(), data, ["gain", "base"], loss=loss, priors="default")["gain"].value
@@ -233,7 +229,7 @@ def test_friction_and_priors_synthetic():
     names = ["segments.0.tendons.friction", E, "gain"]
     truth = {names[0]: 0.1, E: 36e9}
     robot = single().with_({names[0]: 0.05})
-    data = synthetic(robot, names, truth, {"as": "tensions", "x": masses()}, noise=2e-5)
+    data = synthetic(robot, names, truth, tensions=masses())
     found = fit(robot, data, names, priors={"gain": 0.02, names[0]: 1.0})
     assert found.converged
     assert found[names[0]].value == pytest.approx(0.1, rel=0.01)
@@ -252,7 +248,7 @@ def test_intervals_cover_truths_drawn_from_the_priors_synthetic(loss):
         neutral = {name: 0.0 if name == "hole_angle" else 1.0 for name in priors}
         truth |= {name: neutral[name] + rng.normal(0, sd) for name, sd in priors.items()}
         loads = random_loads(6, 1000 + seed)  # draws of their own, as the noise
-        data = synthetic(single(), names, truth, loads, noise=5e-4, seed=2000 + seed)
+        data = synthetic(single(), names, truth, tensions=loads, noise=5e-4, seed=2000 + seed)
         found = fit(single(), data, names, loss=loss, priors="default")
         assert found.converged
         for e in found.estimates:
@@ -265,34 +261,9 @@ def test_intervals_cover_truths_drawn_from_the_priors_synthetic(loss):
 # -- use ---------------------------------------------------------------------------------------
 
 
-def test_one_step_with_priors_is_a_fit_to_the_resample():
-    """As without priors, which are the same in every resample."""
-    rng = np.random.default_rng(7)
-    rows, parameters = 24, 6
-    flat = rng.normal(size=(3 * rows, parameters))
-    own = np.diag(rng.uniform(3, 10, parameters))
-    target = np.concatenate([rng.normal(size=3 * rows), own @ rng.normal(size=parameters)])
-    both = np.concatenate([flat, own])
-    at = both @ np.linalg.lstsq(both, target, rcond=None)[0] - target
-    residual = at[: 3 * rows].reshape(rows, 3)
-    linear = Linear(flat.reshape(rows, 3, -1), residual, np.ones((rows, 3)), own, at[3 * rows :])
-    whole, drawn_error = [], []
-    for _ in range(600):
-        drawn = rng.integers(0, rows, rows)
-        some = (3 * drawn[:, None] + np.arange(3)).ravel()
-        matrix = np.concatenate([flat[some], own])
-        change = np.linalg.lstsq(matrix, -np.concatenate([at[some], at[3 * rows :]]), rcond=None)[0]
-        error = np.linalg.norm(residual + (flat @ change).reshape(rows, 3), axis=1)
-        whole.append(error.mean())
-        drawn_error.append(error[drawn].mean())
-    mean = np.linalg.norm(residual, axis=1).mean() + np.mean(whole) - np.mean(drawn_error)
-    found = refitted(residual, linear, np.arange(rows))
-    assert found is not None and found.mean == pytest.approx(mean, rel=0.01)
-
-
 def test_cross_validation_and_calibration_take_priors_synthetic():
     """With an offset error of the data, only a narrow prior keeps the gain."""
-    data = synthetic(single(), ["gain"], {"gain": 1.05}, LOADS, noise=2e-5)
+    data = synthetic(single(), ["gain"], {"gain": 1.05})
     held, free = (
         cross_validate(fit(single(), data, ["gain"], priors=priors), data, folds=2).score.rmse
         for priors in ({"gain": 1e-7}, None)
@@ -351,5 +322,4 @@ def test_a_name_stands_for_its_group_and_a_later_one_replaces_it():
 )
 def test_bad_priors_are_named(priors, words):
     data = Data(points=np.ones((33, 3)), tensions=masses())
-    with pytest.raises(InputError, match=words.replace("?", r"\?")):
-        fit(single(), data, ["gain", "base"], priors=priors)
+    refused(words, lambda: fit(single(), data, ["gain", "base"], priors=priors))

@@ -23,6 +23,7 @@ from bowstring.calibration.table_fit import Validation, calibrate
 from bowstring.data.measurements import Measurements, load
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
+from objects import measured, refused
 from shell import Shell
 
 RADIUS = 0.012  # m: of the play in the synthetic truth
@@ -60,21 +61,12 @@ def robot() -> Robot:
     return bs.load_robot("amouri2019")
 
 
-def table(robot: Robot, seed: int, **changes: Any) -> Measurements:
+def table(robot: Robot, seed: int) -> Measurements:
     tensions, group = loops(seed, 8.0)
-    count = len(tensions)
-    given: dict[str, Any] = {
-        "source": "synthetic",
-        "name": f"loops {seed}",
-        "tensions": tensions,
-        "displacements": np.full_like(tensions, np.nan),
-        "points": truth(robot, tensions)[:, None],
-        "line": np.arange(2, count + 2),
-        "group": group,
-        "repeat": np.ones(count),
-        "time": np.arange(count) * 1.0,
-    }
-    return Measurements(**{**given, **changes})
+    time = np.arange(len(tensions)) * 1.0
+    return measured(
+        truth(robot, tensions), name=f"loops {seed}", tensions=tensions, group=group, time=time
+    )
 
 
 @pytest.fixture(scope="module")
@@ -163,8 +155,7 @@ def test_rows_out_of_order_are_refused(
     sentence = r"row \d+ is earlier than the row before it; memory states need rows in the order"
     with pytest.raises(InputError, match=sentence):
         fit_residual(found, data.select(mixed), rows=np.ones(len(data), bool))
-    with pytest.raises(InputError, match=sentence):
-        residual.correct(other.select(mixed))
+    refused(sentence, lambda: residual.correct(other.select(mixed)))
 
 
 def test_too_few_rows_are_refused(found: Fit, data: Measurements) -> None:
@@ -256,13 +247,10 @@ def test_a_damaged_file_is_refused(
     change(content)
     file = tmp_path / "residual.json"
     file.write_text(json.dumps(content))
-    with pytest.raises(InputError, match=sentence):
-        read_residual(file, residual.robot)
+    refused(sentence, lambda: read_residual(file, residual.robot))
     file.write_text("{")
-    with pytest.raises(InputError, match=r"is no complete residual.json"):
-        read_residual(file, residual.robot)
-    with pytest.raises(InputError, match="cannot read"):
-        read_residual(tmp_path / "none.json", residual.robot)
+    refused(r"is no complete residual.json", lambda: read_residual(file, residual.robot))
+    refused("cannot read", lambda: read_residual(tmp_path / "none.json", residual.robot))
 
 
 # -- command ------------------------------------------------------------------------------------
@@ -295,13 +283,6 @@ def test_the_command_saves_and_compares(
     assert "leave out --elements" in shell.error(*solve, "--elements", "2")
     corrected = score(learnt.correct(other).point, other.tip)
     assert 1e3 * corrected.rmse == pytest.approx(best["with_residual"]["rmse_mm"], rel=1e-3)
-
-
-def test_the_command_needs_validation_rows(shell: Shell) -> None:
-    example = Path(__file__).parents[1] / "examples" / "bench.csv"
-    call = ("fit", "amouri2019", "--measurements", str(example), "--parameter", "gain")
-    said = shell.error(*call, "--residual")
-    assert "--residual is judged on rows that are not fitted; give --validate FILE" in said
 
 
 def test_rows_may_state_the_tool_that_the_fit_then_changed(

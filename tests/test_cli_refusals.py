@@ -21,8 +21,10 @@ SIMULATE = ("simulate", "amouri2019")
 BENCH = ("bench", "simulate", "amouri2019", "--out", "bench.csv")
 BENCHED = (*BENCH, "--tensions", "0:5:10")
 FITTED = ("fit", "amouri2019", "--parameter", "base")
+RELAXES = ("--actual", "segments.0.backbone.relaxation=0.2")
 UPRIGHT = ("--set", "gravity=0 0 -9.80665 m/s^2")
 FIT = ("fit", "amouri2019", "--measurements", str(TABLE), *UPRIGHT)
+COMPARE = (*FIT, "--parameter", "base", "--compare")
 E = "segments.0.backbone.E"
 
 
@@ -135,6 +137,11 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ((*FIT, "--parameter", E, "--folds", "2", "--holdout", "0.2"), "are ways to validate"),
         ((*FIT, "--parameter", E, "--folds", "2", "--validate", "x"), "are ways to validate"),
         ((*FIT, "--parameter", E, "--filter"), "--filter needs a table to predict"),
+        ((*FIT, "--parameter", E, "--residual"), "rows that are not fitted; give --validate FILE"),
+        ((*COMPARE, "--model", "arc"), "leave --model out"),
+        ((*COMPARE, "--holdout", "0.2"), "give --folds in place of --holdout"),
+        ((*COMPARE, "--start", "calibration.json"), "leave --start out"),
+        ((*COMPARE, "--folds", "16"), "too few to compare models"),
         ((*FIT, "--parameter", E, "--validate", str(TABLE)), "is the table that is fitted"),
         ((*FIT, "--parameter", E, "--start", "no.json"), "cannot read no.json"),
         ((*FIT, "--parameter", E, "--gravity-on-masses", "-1"), "--gravity-on-masses: got -1"),
@@ -156,6 +163,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--out", "mine"], ("--out: cannot write the study", "no study of Bowstring")),
         (["--out", "mine/notes.txt"], "is a file"),
     ],
+    ("suite",): [(["--out", "mine"], "no suite of Bowstring")],
     SOLVE: [
         (["--displacement", "1,2"], "--displacement: got 2 numbers;"),
         (["--displacement", "0,0,0,0"], "--displacement: got 4 numbers;"),
@@ -192,6 +200,43 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
             "cannot write the history to no/a",
         ),
         (["--displacement", "0,0,0", "--save-history", "mine"], "it is a folder"),
+    ],
+    ("bench", "check", str(TABLE)): [
+        (["--robot", "amouri"], "neither a file nor a built-in robot"),
+        (["--robot", "rao2021"], "has 3 tendons, rao2021 has 6"),
+        (["--mapping", "tamm-sprin"], "did you mean tamm-spring?"),
+        (["--gravity-on-masses", "0"], "on-masses: got 0 m/s^2; must be positive"),
+        (["--set", "segments.0.length=1"], "name it by --robot"),
+    ],
+    BENCH: [
+        ([], "loads are missing: give for example --masses 0:0.5:8"),
+        (
+            ["--masses", "1", "--displacements", "0"],
+            "--masses and --displacements are the loads; give either",
+        ),
+        (["--masses", "0:8"], '--masses: got "0:8"; write first:step:last'),
+        (["--masses", "0:0:8"], "--masses: steps of 0 kg do not lead from 0 to 8"),
+        (["--masses", "0:-1:8"], "steps of -1 kg do not lead from 0 to 8"),
+        (["--masses", "0:0.3:8"], "do not meet 8; end for example at 7.8"),
+        (["--masses", "0:1e-9:8"], "got 8e+09 steps; up to 100000 are possible"),
+        (["--masses", "0:1 N:8"], '--masses: got "1 N", but "N" is not a unit of mass'),
+        (["--masses", "1,-1"], "--masses: got -1 kg; must be 0 or more, a tendon cannot push"),
+        (["--masses", "1", "--tendon", "4"], "--tendon: got 4; amouri2019 has 3 tendons"),
+        (["--masses", "1", "--tilt", "0.3 mm"], '--tilt: got "0.3 mm", but "mm" is not a unit of'),
+        (["--masses", "1", "--tilt", "1,2,3"], "--tilt: got 3 numbers; write an angle"),
+        (["--masses", "1", "--tilt", "-1 deg"], "--tilt: got -0.0174533 rad; must be zero or more"),
+        (["--masses", "1", "--noise", "-1 mm"], "--noise: got -0.001 m; must be 0 or more"),
+        (["--masses", "1", "--repeats", "0"], "--repeats: got 0; must be a whole number from 1"),
+        (["--masses", "1", "--seed", "-1"], "--seed: got -1; must be 0 or more"),
+        (["--masses", "1", "--friction", "-0.1"], "--friction: got -0.1; must be 0 or more"),
+        (["--masses", "1", "--friction", "x"], '--friction: got "x", which is not a number'),
+        (["--masses", "1", "--shift", "1,2"], "--shift: got 2 numbers; write x, y and z"),
+        (["--masses", "1", "--actual", "E"], '--actual: got "E"; write for example --actual'),
+        (["--masses", "1", "--actual", "segments.0.backbone.Q=1"], "unknown field"),
+        (["--masses", "1", "--gravity-frame", "world"], "--gravity-frame"),
+        (["--masses", "1", *RELAXES], "--period: amouri2019 has relaxation or creep"),
+        (["--masses", "1", *RELAXES, "--period", "soon"], "write for example --period"),
+        (["--masses", "1", "--gravity-on-masses", "0"], "got 0 m/s^2; must be positive"),
     ],
     SIMULATE: [
         (

@@ -209,29 +209,28 @@ ROUTINGS = {
 @pytest.mark.parametrize("routing", ROUTINGS)
 @pytest.mark.parametrize("theta", THETAS)
 def test_lengths_and_their_fit(routing, theta):
-    angles, radii = ROUTINGS[routing]
-    holes = mp_holes(angles, radii)
+    holes, routing = mp_holes(*ROUTINGS[routing]), Routing(*ROUTINGS[routing])
     count = len(holes)
     for phi in PHIS[::3]:
         case = (theta / LENGTH, phi, LENGTH)
         at = mp_bend(*case)
-        got = Arc(*case).lengths(Routing(angles, radii))
+        got = Arc(*case).lengths(routing)
         assert by_place(got, mp_lengths(at, holes), 0) < TIGHT
 
         want = mp_derivative(lambda u: mp_lengths(u, holes), at)
-        got = Arc(*case).lengths_jacobian(Routing(angles, radii))
+        got = Arc(*case).lengths_jacobian(routing)
         assert error(got, want) < TIGHT
         for i in range(2):  # the columns of bend are small compared with that of length
             assert error(got[:, i], want[:, i]) < TIGHT
         want = mp_derivative(lambda v: mp_lengths(mp_bend(*v), holes), [mp.mpf(c) for c in case])
-        got = Arc(*case).lengths_jacobian(Routing(angles, radii), "curvature")
+        got = Arc(*case).lengths_jacobian(routing, "curvature")
         assert error(got, want) < TIGHT
 
         if theta > 2 * np.pi - 1e-6:  # lengths rounded to above a full turn may be rejected
             case = (0.999999 * case[0], *case[1:])
-        lengths = Arc(*case).lengths(Routing(angles, radii))
+        lengths = Arc(*case).lengths(routing)
         u, _ = mp_fit([mp.mpf(x) for x in lengths.tolist()], holes)
-        got = Arc.from_lengths(lengths, Routing(angles, radii))
+        got = Arc.from_lengths(lengths, routing)
         assert np.all(got.misfit < 1e-15)
         assert abs(float(got.length / u[2]) - 1) < TIGHT
         # redundant lengths have rounding errors that are misfit, and limit the accuracy of the bend
@@ -246,27 +245,22 @@ def test_lengths_and_their_fit(routing, theta):
 @pytest.mark.parametrize("routing", ROUTINGS)
 @pytest.mark.parametrize("theta", [0.0, 1e-12, 1e-8, 0.2, 1.0, 3.0, 5.5])
 def test_jacobians_by_lengths(routing, theta):
-    angles, radii = ROUTINGS[routing]
-    holes = mp_holes(angles, radii)
-    lengths = Arc(theta / LENGTH, 2.0, LENGTH).lengths(Routing(angles, radii))
+    holes, routing = mp_holes(*ROUTINGS[routing]), Routing(*ROUTINGS[routing])
+    lengths = Arc(theta / LENGTH, 2.0, LENGTH).lengths(routing)
     at = [mp.mpf(x) for x in lengths.tolist()]
     want = mp_derivative(lambda v: mp_fit(v, holes)[0], at)
-    got = Arc.from_lengths(lengths, Routing(angles, radii)).from_lengths_jacobian(
-        Routing(angles, radii)
-    )
+    got = Arc.from_lengths(lengths, routing).from_lengths_jacobian(routing)
     assert error(got[:2], want[:2, :]) < TIGHT
     assert error(got[2], want[2, :], max(1.0, float(mp.norm(want[2, :])))) < TIGHT
 
     want = mp_pose_derivative(lambda v: mp_pose(*mp_curvature(mp_fit(v, holes)[0])), at)
-    got = tip_by_lengths(lengths, Routing(angles, radii))
+    got = tip_by_lengths(lengths, routing)
     assert error(got[:3], want[:3, :]) < TIGHT
     assert error(got[3:], want[3:, :]) < TIGHT
 
     if theta > 0.1:
         want = mp_derivative(lambda v: mp_curvature(mp_fit(v, holes)[0]), at)
-        got = Arc.from_lengths(lengths, Routing(angles, radii)).from_lengths_jacobian(
-            Routing(angles, radii), "curvature"
-        )
+        got = Arc.from_lengths(lengths, routing).from_lengths_jacobian(routing, "curvature")
         assert error(got, want) < TIGHT
 
 
@@ -289,29 +283,30 @@ def test_printed_equations():
 
 def test_redundant_lengths():
     angles, radii = np.linspace(0, 5, 6), np.linspace(0.01, 0.03, 6)
+    routing = Routing(angles, radii)
     rng = np.random.default_rng(3)
-    lengths = Arc(2.0, 1.0, LENGTH).lengths(Routing(angles, radii)) + 1e-3 * rng.standard_normal(6)
+    lengths = Arc(2.0, 1.0, LENGTH).lengths(routing) + 1e-3 * rng.standard_normal(6)
     at = [mp.mpf(x) for x in lengths.tolist()]
     u, misfit = mp_fit(at, mp_holes(angles, radii))
-    got = Arc.from_lengths(lengths, Routing(angles, radii))
+    got = Arc.from_lengths(lengths, routing)
     assert error(got.bend, u) < TIGHT
     assert abs(float(got.misfit - misfit)) < TIGHT * LENGTH
     assert got.misfit > 1e-4
 
     # a true minimum, with the length held as well, and the misfit is as reported
     for length in (None, 0.64):
-        got = Arc.from_lengths(lengths, Routing(angles, radii), length)
-        left = got.lengths(Routing(angles, radii)) - lengths
+        got = Arc.from_lengths(lengths, routing, length)
+        left = got.lengths(routing) - lengths
         assert np.sqrt(np.mean(left**2)) == pytest.approx(float(got.misfit), rel=1e-12)
         if length is not None:
             assert got.length == length
-        slope = got.lengths_jacobian(Routing(angles, radii)).T @ left
+        slope = got.lengths_jacobian(routing).T @ left
         np.testing.assert_allclose(slope[: 3 if length is None else 2], 0, atol=1e-15)
-        jacobian = Arc.from_lengths(lengths, Routing(angles, radii), length).from_lengths_jacobian(
-            Routing(angles, radii), hold_length=length is not None
+        jacobian = Arc.from_lengths(lengths, routing, length).from_lengths_jacobian(
+            routing, hold_length=length is not None
         )
         step = 1e-4 * rng.standard_normal(6)
-        moved = Arc.from_lengths(lengths + step, Routing(angles, radii), length)
+        moved = Arc.from_lengths(lengths + step, routing, length)
         np.testing.assert_allclose(  # the map is linear in bend coordinates
             moved.bend - got.bend, jacobian @ step, atol=1e-14
         )
@@ -455,36 +450,17 @@ def routings(draw):
     turn = draw(st.floats(0, 6))
     jitter = draw(st.lists(st.floats(-0.2, 0.2), min_size=count, max_size=count))
     radii = draw(st.lists(st.floats(0.005, 0.03), min_size=count, max_size=count))
-    return turn + (np.arange(count) + jitter) * 2 * np.pi / count, np.array(radii)
+    return Routing(turn + (np.arange(count) + jitter) * 2 * np.pi / count, radii)
 
 
 @given(thetas, phis, routings())
 def test_round_trip(theta, phi, routing):
-    angles, radii = routing
-    lengths = Arc(theta / LENGTH, phi, LENGTH).lengths(Routing(angles, radii))
-    got = Arc.from_lengths(lengths, Routing(angles, radii))
+    lengths = Arc(theta / LENGTH, phi, LENGTH).lengths(routing)
+    got = Arc.from_lengths(lengths, routing)
     assert got.misfit < 1e-14
     np.testing.assert_allclose(got.bend, Arc(theta / LENGTH, phi, LENGTH).bend, atol=1e-11)
-    again = got.lengths(Routing(angles, radii))
+    again = got.lengths(routing)
     np.testing.assert_allclose(again, lengths, rtol=1e-13)
-
-    # chained Jacobians of a map and its inverse
-    forth = got.lengths_jacobian(Routing(angles, radii))
-    back = Arc.from_lengths(lengths, Routing(angles, radii)).from_lengths_jacobian(
-        Routing(angles, radii)
-    )
-    np.testing.assert_allclose(back @ forth, np.eye(3), atol=1e-10)
-
-
-@given(thetas, phis, routings(), st.randoms(use_true_random=False))
-def test_numbering_does_not_matter(theta, phi, routing, random):
-    angles, radii = routing
-    order = list(range(len(angles)))
-    random.shuffle(order)
-    lengths = Arc(theta / LENGTH, phi, LENGTH).lengths(Routing(angles, radii))
-    a = Arc.from_lengths(lengths, Routing(angles, radii))
-    b = Arc.from_lengths(lengths[order], Routing(angles[order], radii[order]))
-    np.testing.assert_allclose(a.bend, b.bend, atol=1e-12)
 
 
 @given(thetas, phis, st.floats(0.01, 10))
@@ -497,35 +473,6 @@ def test_rotation_is_a_rotation(theta, phi, length):
     mirror = Arc(-theta / length, phi, length).fk()
     other = Arc(theta / length, phi + np.pi, length).fk()
     np.testing.assert_allclose(mirror.position, other.position, atol=1e-14 * length)
-    if theta < 6:
-        back = Arc.ik(position)
-        np.testing.assert_allclose(back.fk().position, position, atol=1e-13 * length)
-
-
-@given(phis, st.floats(-16, -0.5), routings())
-@settings(max_examples=200, deadline=None)
-def test_continuous_through_straight(phi, exponent, routing):
-    """Values and Jacobians differ from the straight ones by no more than their slope allows."""
-    angles, radii = routing
-    theta = 10.0**exponent
-    near, straight = (theta / LENGTH, phi, LENGTH), (0.0, phi, LENGTH)
-    for f, slope in (
-        (lambda *c: Arc(*c).fk().position, 3.0),
-        (lambda *c: Arc(*c).fk().rotation, 2.0),
-        (lambda *c: Arc(*c).jacobian(), 3.0),
-        (lambda *c: Arc(*c).jacobian("curvature"), 3.0),
-        (lambda *c: Arc(*c).lengths(Routing(angles, radii)), 0.1),
-        (lambda *c: Arc(*c).lengths_jacobian(Routing(angles, radii)), 0.1),
-    ):
-        assert np.linalg.norm(f(*near) - f(*straight)) <= slope * theta + 1e-15
-
-    lengths = Arc(*near).lengths(Routing(angles, radii))
-    flat = Arc(*straight).lengths(Routing(angles, radii))
-    np.testing.assert_allclose(
-        tip_by_lengths(lengths, Routing(angles, radii)),
-        tip_by_lengths(flat, Routing(angles, radii)),
-        atol=3e3 * theta + 1e-12,
-    )
 
 
 @pytest.mark.parametrize("theta", [0.0, 1e-8, None])
@@ -546,36 +493,6 @@ def test_an_arc_composes_of_its_parts(theta, drawn, phi, share):
     s = np.linspace(0, LENGTH, 7)
     np.testing.assert_allclose(robot.fk(s).position, whole.fk(s).position, atol=1e-14)
     np.testing.assert_allclose(robot.fk(s).rotation, whole.fk(s).rotation, atol=1e-14)
-
-
-@pytest.mark.parametrize("theta", [0.0, 1e-8, None])
-@given(st.floats(1e-3, 6.0), phis)
-@settings(max_examples=50, deadline=None)
-def test_inverse_of_the_pose(theta, drawn, phi):
-    arc = Arc((drawn if theta is None else theta) / LENGTH, phi, LENGTH)
-    for found in (Arc.ik(arc.fk().position), Arc.ik(arc.fk().position, LENGTH)):
-        np.testing.assert_allclose(found.bend, arc.bend, atol=1e-12)
-        assert found.misfit < 1e-14
-    robot = RobotArcs.ik(one_segment(), 0.9 * arc.fk().position, free_length=True)
-    np.testing.assert_allclose(robot.arc.bend[0], arc.bend * [1, 1, 0.9], atol=1e-12)
-
-
-@pytest.mark.parametrize("theta", [0.0, 1e-8, None])
-@given(st.floats(1e-3, 6.2), phis)
-@settings(max_examples=50, deadline=None)
-def test_jacobian_against_differences(theta, drawn, phi):
-    arc = Arc((drawn if theta is None else theta) / LENGTH, phi, LENGTH)
-    step = 1e-6 * np.eye(3)
-    up, down = (Arc.from_bend(arc.bend + sign * step).fk() for sign in (1, -1))
-    spin = (up.rotation - down.rotation) / 2e-6 @ arc.fk().rotation.T
-    moved = np.column_stack(
-        [(up.position - down.position) / 2e-6, spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]]
-    )
-    np.testing.assert_allclose(arc.jacobian(), moved.T, atol=1e-8)
-    changed = [Arc.from_bend(arc.bend + sign * step).lengths(ROUTING) for sign in (1, -1)]
-    np.testing.assert_allclose(
-        arc.lengths_jacobian(ROUTING), (changed[0] - changed[1]).T / 2e-6, atol=1e-8
-    )
 
 
 def test_no_jump_where_series_and_closed_form_meet():
@@ -651,6 +568,8 @@ def test_one_segment_robot():
     assert got.disk_positions.shape == (2, 3, 9, 3)
     np.testing.assert_allclose(got.disk_positions[..., -1, :], tip.position, atol=1e-15)
     np.testing.assert_allclose(got.jacobian(), tip_by_lengths(lengths, ROUTING), atol=1e-11)
+    free = RobotArcs.ik(robot, 0.9 * got.tip.position, free_length=True)
+    np.testing.assert_allclose(free.length, 0.9 * LENGTH, rtol=1e-12)
     again = RobotArcs.ik(robot, got.tip.position)
     np.testing.assert_allclose(again.lengths(), lengths, atol=1e-13)
     assert np.all(again.misfit < 1e-14)
@@ -839,15 +758,6 @@ def test_the_lever_arm_law_and_the_rod_buckle_at_the_same_load():
         else:
             with pytest.raises(NoSolutionError, match="beyond the lever-arm law"):
                 RobotArcs.from_tensions(robot, tensions, law="arm")
-
-
-@pytest.mark.parametrize("bend", [1e-6, 0.1, 0.5])
-def test_the_tip_from_lengths_is_that_of_eq_1(bend):
-    """The study prints Eq. 5 with twice the z of its Eq. 1."""
-    lengths = LENGTH - bend * RADIUS * np.cos(ANGLES)
-    tip = Arc.from_lengths(lengths, ROUTING).fk().position
-    kappa = bend / LENGTH
-    assert tip == pytest.approx([(1 - np.cos(bend)) / kappa, 0, np.sin(bend) / kappa], abs=1e-9)
 
 
 @given(

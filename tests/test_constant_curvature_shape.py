@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.constant_curvature.shape import ArcFit, fit_arcs
-from bowstring.errors import InputError
 from bowstring.viz.shapes import backbone_shapes
 from bowstring.viz.style import figure_style, svg
+from objects import refused
 
 Array = NDArray[np.float64]
 
@@ -288,8 +288,7 @@ def with_nan() -> Array:
     ],
 )
 def test_bad_input(call: object, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        call()  # type: ignore[operator]
+    refused(message, call)  # type: ignore[operator]
 
 
 # -- figure ------------------------------------------------------------------------------------
@@ -302,7 +301,5 @@ def test_figure(dimensions: int) -> None:
     with figure_style():
         text = svg("s", backbone_shapes(fits, "synthetic"))
     assert "synthetic" in text and "2 arcs" in text and f"of {len(shapes)} shapes" in text
-    with pytest.raises(InputError, match="same shapes"):
-        backbone_shapes([], "synthetic")
-    with pytest.raises(InputError, match="same shapes"):
-        backbone_shapes([fits[0], fits[1].take([0])], "synthetic")
+    refused("same shapes", lambda: backbone_shapes([], "synthetic"))
+    refused("same shapes", lambda: backbone_shapes([fits[0], fits[1].take([0])], "synthetic"))

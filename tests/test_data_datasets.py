@@ -220,14 +220,6 @@ def test_a_cache_that_cannot_be_written(
     assert "a.csv of made-up cannot be kept in" in said and "make the folder writable" in said
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write all")
-def test_a_cache_without_permission(
-    online: tuple[datasets.DataSet, Path], tmp_path: Path, shell: Shell
-) -> None:
-    (tmp_path / "cache").mkdir(mode=0o500)
-    assert "permission denied" in shell.error("data", "get", "made-up").lower()
-
-
 # -- copies, and the command -----------------------------------------------------------------------
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from bowstring.data.mapping_draft import draft
 from bowstring.data.measurements import Measurements, read_measurements, write_measurements
 from bowstring.data.tables import Table
 from bowstring.errors import InputError
+from objects import measured
 from shell import Shell
 
 Read = Callable[..., Measurements]
@@ -174,12 +175,16 @@ def test_tables_without_a_header(table: str, form: str, read: Read) -> None:
     np.testing.assert_allclose(found.tip[1], [0.003, 0.004, 0.6])
 
 
-def test_a_sheet_with_lines_to_skip(tmp_path: Path) -> None:
+def _book(folder: Path, *rows: Sequence[object]) -> None:
     book = openpyxl.Workbook()
     assert book.active is not None
-    for row in (["Rig 7"], ["F", "x", "y", "z"], ["N", "mm", "mm", "mm"], [5, 3, 4, 600]):
+    for row in rows:
         book.active.append(row)
-    book.save(tmp_path / "a.xlsx")
+    book.save(folder / "a.xlsx")
+
+
+def test_a_sheet_with_lines_to_skip(tmp_path: Path) -> None:
+    _book(tmp_path, ["Rig 7"], ["F", "x", "y", "z"], ["N", "mm", "mm", "mm"], [5, 3, 4, 600])
     mapping = Mapping.model_validate(
         {
             "source": "measured",
@@ -193,18 +198,16 @@ def test_a_sheet_with_lines_to_skip(tmp_path: Path) -> None:
 
 
 def test_a_sheet_with_a_header_of_two_rows_gets_a_draft(tmp_path: Path) -> None:
-    book = openpyxl.Workbook()
-    assert book.active is not None
-    start = datetime.datetime(2024, 2, 29, 13)
-    book.active.append(["Rig 7", "sampling rate", 4])
-    for row in (["Time", "Force", None, "Tip"], [None, "F1", "F2", "X", "Y", "Z"]):
-        book.active.append(row)
-    book.active.append(["-", "N", "N", "mm", "mm", "mm"])
-    for i in range(7):
-        time = start + datetime.timedelta(seconds=0.25 * i)
-        book.active.append([time, i, 0, 9 * i, 0.5, 600 - i])
-    book.active.append(["mean", 3, 0, 27, 0.5, 597])
-    book.save(tmp_path / "a.xlsx")
+    start, step = datetime.datetime(2024, 2, 29, 13), datetime.timedelta(seconds=0.25)
+    _book(
+        tmp_path,
+        ["Rig 7", "sampling rate", 4],
+        ["Time", "Force", None, "Tip"],
+        [None, "F1", "F2", "X", "Y", "Z"],
+        ["-", "N", "N", "mm", "mm", "mm"],
+        *([start + i * step, i, 0, 9 * i, 0.5, 600 - i] for i in range(7)),
+        ["mean", 3, 0, 27, 0.5, 597],
+    )
     with pytest.raises(InputError) as error:
         read_measurements(tmp_path / "a.xlsx", bs.load_robot("amouri2019"))
     text = str(error.value).partition("\n\n")[2]
@@ -584,12 +587,6 @@ def test_other_versions_and_units_of_motive(read: Read) -> None:
     assert markers.without_tip == 2
 
 
-def test_a_header_of_motive_without_labels(read: Read) -> None:
-    text = MOTIVE.replace(",Type,", ",,").replace(",Name,", ",,").replace(",ID,", ",,")
-    mapping = "source: measured\ntip: {name: tip}\n"
-    np.testing.assert_array_equal(read(mapping, text).tip, read(mapping, MOTIVE).tip)
-
-
 def test_a_body_that_changes_its_name(read: Read) -> None:
     text = MOTIVE.replace("3,0.300000,0,0,0,1,0.3,0.60,0.1", "3,0.300000,0,0,0,1,,,")
     mapping = "source: measured\ntip: {name: [tip, 'tip:Marker1']}\n"
@@ -622,19 +619,14 @@ def test_a_motive_export_with_a_force_log(read: Read) -> None:
         ("tip: {name: tip}\n", "Frame,Time", "Bild,Zeit", "the line that begins with Frame"),
         ("tip: {name: tip}\n", "Position", "Velocity", "has no position of a rigid body"),
         ("tip: {}\n", "", "", "give either columns, those of x, y and z, or name"),
+        ("tip: {name: tip, unit: mm}\n", MOTIVE, TABLE, "it is no Motive export, give columns"),
+        ("tip: {columns: [x, y, z]}\n", MOTIVE, TABLE, "write for example unit: mm"),
     ],
 )
 def test_errors_in_an_export(mapping: str, old: str, new: str, says: str, read: Read) -> None:
     with pytest.raises(InputError) as error:
         read("source: measured\n" + mapping, MOTIVE.replace(old, new) if old else MOTIVE)
     assert says in str(error.value)
-
-
-def test_a_body_name_is_for_exports_only(read: Read) -> None:
-    with pytest.raises(InputError, match="it is no Motive export, give columns"):
-        read("source: measured\ntip: {name: tip, unit: mm}\n", TABLE)
-    with pytest.raises(InputError, match=r"tip.unit: missing; .* write for example unit: mm"):
-        read("source: measured\ntip: {columns: [x, y, z]}\n", TABLE)
 
 
 # -- a mapping to start from -----------------------------------------------------------------------
@@ -760,23 +752,6 @@ def test_drafts_for_public_tables(
     np.testing.assert_array_equal(found.points, whole.points)
 
 
-def test_splitting_and_joining_a_recording_is_the_identity(
-    public_data: Callable[[str], Path], tmp_path: Path
-) -> None:
-    """A recording split into a log of displacements and one of tips is unchanged when joined."""
-    path = public_data("crl-ftdcr-mocap") / "ftdcr_v4_val.csv"
-    rows = [line.split(",") for line in path.read_text().splitlines()]
-    (tmp_path / "displacements.csv").write_text("\n".join(",".join(r[:1] + r[2:11]) for r in rows))
-    (tmp_path / "tips.csv").write_text("\n".join(",".join(r[:2] + r[11:]) for r in rows))
-    whole = load_mapping("crl-ftdcr-mocap")
-    join = {"file": "displacements.csv", "time": {"column": "timestamp", "unit": "s"}}
-    mapping = Mapping.model_validate({**whole.model_dump(exclude_none=True), "join": join})
-    found = read_measurements(tmp_path / "tips.csv", mapping=mapping)
-    again = read_measurements(path, mapping=whole)
-    np.testing.assert_allclose(found.displacements, again.displacements, rtol=1e-12)
-    np.testing.assert_array_equal(found.tip, again.tip)
-
-
 # -- several recordings ----------------------------------------------------------------------------
 
 
@@ -784,16 +759,10 @@ def _recordings(robot: bs.Robot) -> Measurements:
     """Two recordings of a robot with friction, each from home: loading, unloading."""
     loads = np.outer([20, 40, 21, 20, 19.5], [1.0, 0, 0])
     tips = bs.sweep(robot, loads).tip_position
-    rows = 2 * len(loads)
-    return Measurements(
-        source="synthetic",
-        name="two",
+    return measured(
+        np.vstack([tips, tips]),
         tensions=np.vstack([loads, loads]),
-        displacements=np.full((rows, 3), np.nan),
-        points=np.vstack([tips, tips])[:, None],
-        line=np.arange(rows),
         group=np.repeat(["a", "b"], len(loads)),
-        repeat=np.ones(rows),
         recording=np.repeat([1, 2], len(loads)),
     )
 
@@ -820,25 +789,6 @@ def test_each_recording_is_a_path_of_its_own(tmp_path: Path) -> None:
     again = read_measurements(write_measurements(data, tmp_path / "a.csv"))
     assert again.recording is not None and again.recording.tolist() == [1] * 5 + [2] * 5
     assert not [text for _, text in again.issues if "comes again" in text]
-
-
-def test_backlash_and_delay_restart_with_each_recording() -> None:
-    from bowstring.calibration.fitting import fit
-    from bowstring.calibration.observations import Data
-
-    robot = bs.load_robot("amouri2019")
-    displacements = np.outer([2, 4, 6, 4, 3], [1e-3, -0.5e-3, -0.5e-3])
-    time = np.arange(5.0)
-    points = bs.solve_batch(robot, load=bs.Load(displacements=displacements)).tip_position
-    data = Data(
-        points=np.vstack([points, points]),
-        displacements=np.vstack([displacements, displacements]),
-        time=np.r_[time, time],
-        recording=np.repeat(["a", "b"], 5),
-    )
-    found = fit(robot, data, ["gain"], start={"delay": 0.3, "backlash": 4e-4})
-    np.testing.assert_allclose(found.residuals[:5], found.residuals[5:], atol=1e-12)
-    assert np.abs(found.residuals).max() > 1e-4
 
 
 def test_recordings_are_counted(shell: Shell, tmp_path: Path) -> None:

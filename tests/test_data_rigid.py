@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bowstring.data.rigid import Rigid, align
-from bowstring.errors import InputError
+from objects import refused
 
 
 def motions() -> list[Rigid]:
@@ -97,5 +97,4 @@ def test_rounded_rotations_are_made_exact() -> None:
     ],
 )
 def test_bad_input(call: object, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        call()  # type: ignore[operator]
+    refused(message, call)  # type: ignore[operator]

@@ -18,6 +18,7 @@ from bowstring.data.columns import Column, Joined
 from bowstring.data.measurements import Measurements, load
 from bowstring.data.tendon_check import check_tendons
 from bowstring.robot.model import Robot
+from objects import measured
 
 Floats = NDArray[np.float64]
 STUDY = bs.load_robot("amouri2019")
@@ -30,18 +31,8 @@ PLANE = np.outer(np.linspace(0, 80, 17), [1, 0, 0])
 def made(robot: Robot, tensions: Floats, **loads: ArrayLike) -> Measurements:
     """Tips by statics with 0.02 mm of noise: synthetic."""
     tip = bs.solve_batch(robot, tensions, load=bs.Load(**loads)).tip_position
-    count = len(tensions)
     noise = np.random.default_rng(1).normal(0, 2e-5, tip.shape)
-    return Measurements(
-        source="synthetic",
-        name="made",
-        tensions=tensions,
-        displacements=np.full_like(tensions, np.nan),
-        points=(tip + noise)[:, None],
-        line=np.arange(count),
-        group=np.full(count, ""),
-        repeat=np.ones(count, dtype=int),
-    )
+    return measured(tip + noise, tensions=tensions)
 
 
 def reordered(data: Measurements, first: int, second: int) -> Measurements:
@@ -139,17 +130,7 @@ def late_table(lag: float) -> Measurements:
     """Tips by statics, some time behind the commands of their rows."""
     time = np.arange(0.0, 31.0, 0.23)
     tips = bs.solve_batch(STUDY, load=bs.Load(displacements=swings(time - lag))).tip_position
-    return Measurements(
-        source="synthetic",
-        name="late",
-        tensions=np.full((len(time), 3), np.nan),
-        displacements=swings(time),
-        points=tips[:, None],
-        line=np.arange(len(time)),
-        group=np.full(len(time), ""),
-        repeat=np.ones(len(time), dtype=int),
-        time=time,
-    )
+    return measured(tips, displacements=swings(time), time=time)
 
 
 @pytest.mark.parametrize("lag", [1.7, -3.04])
@@ -374,27 +355,21 @@ def test_a_correct_table_gives_no_warning(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BENCHES)
-@pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0])  # 1000 times larger ones are rejected
-def test_tips_in_another_unit_are_noticed(name: str, factor: float) -> None:
+@pytest.mark.parametrize(
+    ("factor", "is_tip"),
+    # tips 1000 times larger are rejected
+    [(1e3, False), *((factor, is_tip) for factor in (1e-3, 0.1, 10.0) for is_tip in (True, False))],
+)
+def test_another_unit_is_noticed(name: str, factor: float, is_tip: bool) -> None:
     robot, data = BENCHES[name]
-    found = check_tendons(robot, replace(data, points=factor * data.points))
-    assert found.found == "unclear" and found.alarm
-    assert "check the unit of the tip's columns" in found.sentence
-    assert "check the order" not in found.sentence
-
-
-@pytest.mark.parametrize("name", BENCHES)
-@pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0, 1e3])
-def test_commands_in_another_unit_are_noticed(name: str, factor: float) -> None:
-    robot, data = BENCHES[name]
-    changed = replace(
-        data, tensions=factor * data.tensions, displacements=factor * data.displacements
+    commands = "displacements" if "displacement" in name else "tensions"
+    changed = ("points",) if is_tip else ("tensions", "displacements")
+    found = check_tendons(
+        robot, replace(data, **{each: factor * getattr(data, each) for each in changed})
     )
-    found = check_tendons(robot, changed)
     assert found.found == "unclear" and found.alarm
-    assert f"of the {'displacements' if 'displacement' in name else 'tensions'}" in found.sentence
-    assert "check the unit of" in found.sentence
-    assert "check the order" not in found.sentence
+    assert "check the unit of" in found.sentence and "check the order" not in found.sentence
+    assert ("of the tip's columns" if is_tip else f"of the {commands}") in found.sentence
 
 
 def test_a_tip_that_does_not_move_is_noticed() -> None:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -133,7 +134,9 @@ def test_ctrl_c_keeps_what_is_done(
     assert content(run(job(), tmp_path / "job", cluster.scheduler_address)) == expected
 
 
-def test_a_scheduler_that_goes_away(expected: dict[str, bytes], tmp_path: Path) -> None:
+@contextmanager
+def scheduler() -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Address and process of a cluster that can be killed."""
     code = (
         "from distributed import LocalCluster as C\n"
         "if __name__ == '__main__':\n"
@@ -141,16 +144,20 @@ def test_a_scheduler_that_goes_away(expected: dict[str, bytes], tmp_path: Path) 
         "    print(c.scheduler_address, flush=True)\n"
         "    input()\n"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     with subprocess.Popen(
         [sys.executable, "-c", code],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
         text=True,
-        env=environment,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     ) as process:
         assert process.stdout is not None
-        address = process.stdout.readline().strip()
+        yield process.stdout.readline().strip(), process
+
+
+def test_a_scheduler_that_goes_away(expected: dict[str, bytes], tmp_path: Path) -> None:
+    with scheduler() as (address, process):
 
         def kill(share: float) -> None:
             if share > 0.3:
@@ -159,45 +166,28 @@ def test_a_scheduler_that_goes_away(expected: dict[str, bytes], tmp_path: Path) 
         said = refused(lambda: run(job(), tmp_path / "job", address, kill))
     assert said.startswith("the Dask scheduler ") and "of 51 blocks are kept in" in said
     assert said.endswith("and the same job goes on from there")
-    kept = content_of(tmp_path / "job")
+    kept = {file.name: file.read_bytes() for file in (tmp_path / "job" / "blocks").iterdir()}
     assert len(kept) >= 16 and kept.items() <= expected.items()
     said = refused(lambda: run(job(), tmp_path / "job", address))
     assert said.startswith(f"cannot connect to the Dask scheduler {address}: ")
 
 
 def test_the_command_says_one_sentence_when_the_scheduler_goes_away(tmp_path: Path) -> None:
-    code = (
-        "from distributed import LocalCluster as C\n"
-        "if __name__ == '__main__':\n"
-        "    c = C(n_workers=1, processes=False, protocol='tcp://', dashboard_address=':0')\n"
-        "    print(c.scheduler_address, flush=True)\n"
-        "    input()\n"
-    )
     folder = tmp_path / "blocks"
     axes = ("--over", "E=20:50 GPa:400", "--over", "nu=0:0.4:400")
     more = ("--store", str(folder), "--out", str(tmp_path / "map.nc"))
     start = [sys.executable, "-m", "bowstring", "map", "amouri2019", *axes, *more, "--dask"]
-    with subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as process:
-        assert process.stdout is not None
-        address = process.stdout.readline().strip()
-        with subprocess.Popen([*start, address], stderr=subprocess.PIPE, text=True) as command:
-            while not list(folder.glob("blocks/*.nc")) and command.poll() is None:
-                time.sleep(0.1)
-            process.kill()
-            said = command.communicate(timeout=60)[1]
+    with (
+        scheduler() as (address, process),
+        subprocess.Popen([*start, address], stderr=subprocess.PIPE, text=True) as command,
+    ):
+        while not list(folder.glob("blocks/*.nc")) and command.poll() is None:
+            time.sleep(0.1)
+        process.kill()
+        said = command.communicate(timeout=60)[1]
     assert command.returncode == 1  # not 2: something was written
     (line,) = said.splitlines()
     assert line.startswith("Error: the Dask scheduler ") and "blocks are kept in" in line
-
-
-def content_of(folder: Path) -> dict[str, bytes]:
-    return {file.name: file.read_bytes() for file in (folder / "blocks").iterdir()}
 
 
 def test_a_cluster_without_workers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
