@@ -244,12 +244,7 @@ def test_study(studied: tuple[Path, str]) -> None:
         ("statics", "linear_curvature_fit", 0.03),
         ("statics", "quadratic_curvature_fit", 0.03),
     ]
-    for comparison in found["comparisons"]:
-        keys = "name against n mean_mm max_mm rms_mm mean_percent mean_by_axis_mm"
-        assert set(comparison) == set(keys.split())
-        assert comparison["n"] == 17
-        assert len(comparison["mean_by_axis_mm"]) == 3
-    assert found["verdict"] and found["budget"]
+    assert {comparison["n"] for comparison in found["comparisons"]} == {17}
     assert found["provenance"]["settings"]["tolerance_percent"] == pytest.approx(1.0)
     assert Path(found["folder"]) == folder
     page = (folder / "report.html").read_text("utf-8")
@@ -275,7 +270,7 @@ def test_study_of_a_user_robot(
             "tolerance": "2 %",
             "max_tension": 5.0,
             "points": 5,
-            "tendon": None,
+            "tendon": {2: 1.0, 6: 0.5},
             "theory": "kirchhoff",
             "rise": pytest.approx(0.9),
             "modal_damping": pytest.approx(0.02),
@@ -290,14 +285,14 @@ def test_study_of_a_user_robot(
     code, out, err = shell(
         *("study", str(ROOT / "examples" / "my_robot.yaml"), "--tolerance", "2 %"),
         *("--max-tension", "5 N", "--points", "5", "--theory", "kirchhoff"),
-        *("--rise", "900 ms", "--modal-damping", "2 %"),
+        *("--rise", "900 ms", "--modal-damping", "2 %", "--tendon", "2,6:50 %"),
         *("--set", "segments.0.disks.clamped_length=2 mm"),
     )
     assert code == 0 and not err, err
-    assert "2 % of length" in out and "5 N" in out
+    assert "2 % of length" in " ".join(out.split()) and "5 N" in out
     report = Path(out.splitlines()[-1].removeprefix("Report: "))
     assert report == tmp_path / "bowstring-study" / "my_robot" / "report.html"
-    assert report.is_file()
+    assert "tendons 2 and 6 (at 0.5 of it)" in report.read_text("utf-8")
 
 
 def test_study_stopped_half_way_writes_nothing(
@@ -340,23 +335,6 @@ def test_loads_beyond_all_bounds(shell: Shell) -> None:
 # -- bad input ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        (b"", "empty"),
-        (b"segments: [", "line"),
-        (b"segments: 3\n", "segments"),
-        (b"a: &a [x]\nb: [*a, *a]\n", ""),
-        (b"\xff\xfe\x00", "UTF-8"),
-        (b"#" * 2_000_000, "too large"),
-    ],
-)
-def test_bad_robot_file(shell: Shell, tmp_path: Path, content: bytes, says: str) -> None:
-    path = tmp_path / "robot.yaml"
-    path.write_bytes(content)
-    assert says in shell.error("solve", str(path), "--tension", "1,2,3")
-
-
 any_text = given(
     command=st.sampled_from([["fk", "--lengths"], ["solve", "--tension"], ["ik", "--tip"]]),
     text=st.text("0123456789.,-+eE nafi kgNm*/^%µ\n\0\u0663", max_size=40)
@@ -391,10 +369,7 @@ def answered_or_refused(command: list[str], text: str) -> None:
 # -- the process -------------------------------------------------------------------------------
 
 
-def test_process_keeps_stdout_pure() -> None:
-    done = process("solve", "amouri2019", "--tension", "80,0,0", "--json")
-    assert done.returncode == 0 and not done.stderr
-    assert json.loads(done.stdout)["status"] == "converged"
+def test_errors_of_a_process_are_not_on_stdout() -> None:
     done = process("solve", "amouri2019", "--tension", "80,0", "--json")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("Error: ") and done.stderr.count("\n") == 1
@@ -408,15 +383,23 @@ def test_figures_need_no_display(tmp_path: Path) -> None:
     assert list((tmp_path / "modes").rglob("*.png"))
 
 
-def test_solve_loads_no_heavy_library() -> None:
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("solve", "amouri2019", "--tension", "80,0,0"),
+        ("simulate", "amouri2019", "--tension", "80,0,0", "--rise", "0.1", "--hold", "0.1"),
+    ],
+)
+def test_no_heavy_library_is_loaded(arguments: tuple[str, ...]) -> None:
     code = (
         "import sys; from bowstring.cli import main as cli;"
-        "code = cli.run(['solve', 'amouri2019', '--tension', '80,0,0', '--json']);"
-        "heavy = {'pandas', 'matplotlib', 'pint', 'rich', 'jinja2', 'scipy'} & set(sys.modules);"
-        "sys.exit(repr(heavy) if heavy else code)"
+        f"code = cli.run([*{arguments!r}, '--json']);"
+        "heavy = {'pandas', 'matplotlib', 'xarray', 'pint', 'rich', 'jinja2', 'scipy'};"
+        "heavy &= set(sys.modules); sys.exit(repr(heavy) if heavy else code)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["status"] == "converged"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
@@ -505,26 +488,6 @@ def test_stopped_while_it_starts(number: str) -> None:
 
 
 SOLVE = ("solve", "amouri2019")
-
-
-@pytest.mark.slow
-def test_study_of_two_tendons(
-    shell: Shell, paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def run(robot: Robot, **given: Any) -> Study:
-        given = by_name(given)
-        assert given["tendon"] == {2: 1.0, 4: 0.5}
-        return Stages(robot, **{name: given[name] for name in SETTINGS}).over(paper)
-
-    monkeypatch.setattr(study_module, "run_study", run)
-    monkeypatch.chdir(tmp_path)
-    flags = ("--tendon", "2,4:50 %", "--points", "3", "--json")
-    code, out, _ = shell("study", "rao2021", *flags)
-    assert code == 0
-    content = json.loads(out)
-    assert content["sweep"]["shares"] == [0, 1, 0, 0.5, 0, 0]
-    page = (tmp_path / "bowstring-study" / "rao2021" / "report.html").read_text(encoding="utf-8")
-    assert "tendons 2 and 4 (at 0.5 of it)" in page
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGTERM")

@@ -85,18 +85,6 @@ def test_displacements_and_overrides(shell: Shell, here: Path) -> None:
 
 
 @pytest.mark.cad
-def test_motor_angles_match_displacements(shell: Shell, here: Path) -> None:
-    pytest.importorskip("build123d", exc_type=ImportError)
-    spool = ("--set", "segments.0.tendons.spool_radius=10 mm", "--out", "robot.glb")
-    turned = shell.json(*CAD, *spool, "--angle", "1,-1 rad,-1")
-    pulled = shell.json(*CAD, *spool, "--displacement", "10 mm,-0.01,-0.01")
-    np.testing.assert_allclose(
-        turned["tip"]["position_m"], pulled["tip"]["position_m"], rtol=0, atol=1e-12
-    )
-    assert turned["provenance"]["settings"]["angles_rad"] == [1, -1, -1]
-
-
-@pytest.mark.cad
 def test_description_of_the_straight_robot(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     code, out, err = shell(*CAD, "--out", "robot.stl")

@@ -18,7 +18,7 @@ import bowstring as bs
 from bowstring.dynamics.load_table import read_actuation, read_base_motion
 from bowstring.dynamics.run_file import read_run
 from bowstring.errors import InputError
-from shell import Shell, process
+from shell import Shell
 
 SIMULATE = ("simulate", "amouri2019")
 DISPLACED = (*SIMULATE, "--tension", "80,0,0")
@@ -400,23 +400,6 @@ def test_stopped_while_the_result_is_printed(
             assert shell(*SHORT, "--out", str(file), *flags) == (130, "", f"Stopped: {says}")
     says = "the result is not printed whole; nothing is kept.\n"
     assert shell(*SHORT) == (130, "", f"Stopped: {says}")
-
-
-def test_simulate_keeps_stdout_pure() -> None:
-    done = process(*SHORT, "--json")
-    assert done.returncode == 0 and not done.stderr
-    assert json.loads(done.stdout)["status"] == "converged"
-
-
-def test_simulate_loads_no_heavy_library() -> None:
-    code = (
-        "import sys; from bowstring.cli import main as cli;"
-        f"code = cli.run([*{SHORT!r}, '--json']);"
-        "heavy = {'pandas', 'matplotlib', 'xarray', 'pint', 'rich', 'scipy'} & set(sys.modules);"
-        "sys.exit(repr(heavy) if heavy else code)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
 
 
 # -- modes -------------------------------------------------------------------------------------

@@ -88,13 +88,6 @@ def test_a_failed_load_prints_the_loads_before_it(shell: Shell) -> None:
     assert "stopped at" in err and "1 of 2 are kept" in err
 
 
-def test_without_calculix_it_says_how_to_install_it(
-    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PATH", str(here))
-    assert "apt-get install calculix-ccx" in shell.error(*FE)
-
-
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import pytest
 import typer
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from bowstring.cli import main
 from bowstring.schemas import COMMANDS, study
@@ -59,21 +58,6 @@ def test_numbers_have_known_units_and_texts_have_none(command: str) -> None:
             assert unit in UNITS | keys, (part["title"], key)  # or the key that has the unit
             if about.get("type") in ("string", "boolean"):
                 assert not unit and key.rpartition("_")[2] not in ENDS, (part["title"], key)
-
-
-def test_schemas_are_strict(shell: Shell) -> None:
-    found = shell.json("ik", "amouri2019", "--tip", "0.3,0,0.5")
-    content = json.dumps(found)
-    for wrong in (
-        content.replace('"distance_m"', '"miss_mm"'),  # an unknown key, and one that is missing
-        json.dumps({**found, "more": 1}),
-        json.dumps({**found, "distance_m": None}),
-        json.dumps({**found, "distance_m": True}),
-        json.dumps({**found, "distance_m": float("nan")}),
-        json.dumps({**found, "tip": {**found["tip"], "position_m": [0.0, 1.0]}}),
-    ):
-        with pytest.raises(ValidationError):
-            adapter("ik").validate_json(wrong, strict=True)
 
 
 @pytest.mark.parametrize(

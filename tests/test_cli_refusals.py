@@ -82,6 +82,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["solve", "amouri", "--tension", "1,2,3"], "did you mean amouri2019?"),
         (["solve", "no/such.yaml", "--tension", "1,2,3"], "neither a file nor a built-in robot"),
         (["solve", ".", "--tension", "1,2,3"], "folder"),
+        (["solve", "mine/notes.txt", "--tension", "1,2,3"], 'got "keep me"; must be fields'),
         # overrides
         ([*LOADED, "--set", "segments.0.length"], "write for example --set"),
         ([*LOADED, "--set", "=3 mm"], "write for example --set"),
@@ -162,6 +163,10 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--out", ""], "no study of Bowstring"),
         (["--out", "mine"], ("--out: cannot write the study", "no study of Bowstring")),
         (["--out", "mine/notes.txt"], "is a file"),
+        (["--grip", "sliding"], "--grip is for finite elements"),
+        (["--compare"], "--compare needs measurements"),
+        (["--mapping", "m.yaml"], "name it by --measurements"),
+        (["rao2021", "--measurements", str(TABLE)], "has 3 tendons"),
     ],
     ("suite",): [(["--out", "mine"], "no suite of Bowstring")],
     SOLVE: [
@@ -362,6 +367,37 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--tip", "0,0,0.3", "--max-tension", "1", "--min-tension", "2 N"], "--min-tension: "),
         (["--tip", "0,0,500 m"], "out of reach"),
         (["--tip", "0,0,300"], '"300 mm"'),
+        (
+            ["--tip", "0.1,0,0.3", "--displacement-limits", "20 mm,-20 mm"],
+            "write the least and the largest displacement",
+        ),
+        (
+            ["--tip", "0.1,0,0.3", "--displacement-limits", "0,1 mm", "--model", "cc"],
+            "leave --model cc out",
+        ),
+    ],
+    ("map", "amouri2019"): [
+        (["--over", "tension=0:80 N", "--over", "tension=0:40 N"], "two axes are tension"),
+        (
+            ["--over", "E=1:2 GPa", "--over", "nu=0:0.4:31", "--over", "length=1:2 m:31"],
+            "--store",
+        ),
+        (["--metric", "mean_error"], "give other axes"),
+        (["--models", "cc_from_nothing"], "models"),
+        (["--out", "map.txt"], "png"),
+        (["--tolerance", "200 %"], "--tolerance"),
+        (
+            ["--over", "E=10:11 GPa:1001", "--over", "nu=0:0.4:1001", "--points", "1000"],
+            "equilibria",
+        ),
+        (["--over", "clamped_length=0:90 mm"], "clamp"),
+        (["--over", "E=30:40 GPa", "--dask", "tcp://nowhere:1"], "--store"),
+    ],
+    ("reach", "amouri2019"): [
+        (["--errors", "--out", "map.nc"], ".png"),
+        (["--errors", "--payload-direction", "0,0,1"], "no payloads"),
+        (["--errors", "--max-tension", "40", "--poses", "0"], "--poses: got 0; must be a whole"),
+        (["--models", "cc_from_force"], "add --errors"),
     ],
     ("export", "amouri2019"): [
         ((), "nothing to write: give --out FILE, --picture FILE or --drawing FILE."),

@@ -14,7 +14,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -486,30 +486,6 @@ done
 
 
 @needs_ccx
-def test_a_truncated_restart_file_is_recovered_from(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As after a full drive: the run starts again instead of failing for ever."""
-    loads = [[t, 0, 0] for t in (10, 20, 30)]
-    save = steps._save
-
-    def stop(kept: Path, number: int, *rest: object) -> None:
-        save(kept, number, *rest)
-        if number == 1:
-            monkeypatch.setattr(steps, "_save", save)
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(steps, "_save", stop)
-    with pytest.raises(RunInterrupted):
-        sweep(small_robot(), loads, settings=COARSE)
-    kept = sorted(fem.cache_folder().glob("*/restart_*"))
-    assert kept
-    for file in kept:
-        file.write_bytes(file.read_bytes()[:1000])
-    rest = sweep(small_robot(), loads, settings=COARSE)
-    assert rest.converged and rest.cached == 0
-    assert len(rest.states) == 3
-
-
-@needs_ccx
 def test_the_restart_file_of_the_step_that_failed_is_not_kept(
     own_cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -566,46 +542,46 @@ def test_an_unwritable_cache_is_reported_first(
         sweep(small_robot(), LOADS, settings=COARSE)
 
 
-@pytest.mark.parametrize(
-    ("settings", "says"),
-    [
-        ("fine", "settings is 'fine', it must be Settings"),
-        (Settings("8,8,1"), "fineness is '8,8,1', it must be a Fineness"),  # type: ignore[arg-type]
-        (Settings(Fineness(2.0, 4, 1)), "module is 2.0, it must be a whole number"),  # type: ignore[arg-type]
-        (Settings(stiffness="x"), "stiffness is 'x', it must be a finite number"),  # type: ignore[arg-type]
-        (Settings(residual=0.0), "residual is 0, it must be positive"),
-        (Settings(residual=float("nan")), "residual is nan, it must be a finite number"),
-        (Settings(residual=10.0), "residual is 10, it must be from 1e-09 to 0.01"),
-    ],
-)
-def test_invalid_settings_are_named(settings: Settings, says: str) -> None:
-    with pytest.raises(InputError, match=re.escape(says)):
-        sweep(small_robot(), LOADS, settings=settings)
+def swept(tensions: Any = LOADS, **settings: Any) -> Callable[[], object]:
+    given = Settings(**settings) if settings else COARSE
+    return lambda: sweep(small_robot(), tensions, settings=given)
+
+
+def moved(tensions: Any) -> Callable[[], object]:
+    return lambda: ramp(small_robot(), tensions, Motion(0.1))
 
 
 @pytest.mark.parametrize(
-    ("tensions", "says"),
+    ("call", "says"),
     [
-        ([1, 2], "tensions has shape (2,), it must be (3,), in N"),
-        ([[1, 0, 0]], "tensions has shape (1, 3), it must be (3,), in N"),
-        ("abc", "tensions is 'abc', it must be numbers in N"),
-        ([1, 0, "0"], "it must be numbers in N"),
-        ([float("nan"), 0, 0], "tensions is [nan, 0.0, 0.0], all must be finite numbers"),
-        ([-1, 0, 0], "tension of tendon 1 is -1 N, a tendon can only pull"),
+        (lambda: sweep("amouri2019", LOADS), "robot is 'amouri2019', it must be a Robot"),
+        (lambda: ramp("amouri2019", [1, 0, 0], Motion(1.0)), "'amouri2019', it must be a Robot"),
+        (
+            lambda: sweep(small_robot(), LOADS, settings="fine"),
+            "settings is 'fine', it must be Settings",
+        ),
+        (swept(fineness="8,8,1"), "fineness is '8,8,1', it must be a Fineness"),
+        (swept(fineness=Fineness(2.0, 4, 1)), "module is 2.0, it must be a whole number"),
+        (swept(stiffness="x"), "stiffness is 'x', it must be a finite number"),
+        (swept(stiffness=1.0), "10 to 1e6"),
+        (swept(residual=0.0), "residual is 0, it must be positive"),
+        (swept(residual=float("nan")), "residual is nan, it must be a finite number"),
+        (swept(residual=10.0), "residual is 10, it must be from 1e-09 to 0.01"),
+        (swept([[1.0, 2.0]]), "shape (1, 2)"),
+        (swept([[1.0, -2.0, 0.0]]), "a tendon can only pull"),
+        (swept([[1.0, np.nan, 0.0]]), "finite"),
+        (swept("much"), "must be numbers in N"),
+        (moved([1, 2]), "tensions has shape (2,), it must be (3,), in N"),
+        (moved([[1, 0, 0]]), "tensions has shape (1, 3), it must be (3,), in N"),
+        (moved("abc"), "tensions is 'abc', it must be numbers in N"),
+        (moved([1, 0, "0"]), "it must be numbers in N"),
+        (moved([np.nan, 0, 0]), "tensions is [nan, 0.0, 0.0], all must be finite numbers"),
+        (moved([-1, 0, 0]), "tension of tendon 1 is -1 N, a tendon can only pull"),
     ],
 )
-def test_invalid_tensions_of_a_motion_are_named(tensions: object, says: str) -> None:
+def test_invalid_arguments_are_named(call: Callable[[], object], says: str) -> None:
     with pytest.raises(InputError, match=re.escape(says)):
-        ramp(small_robot(), tensions, Motion(0.1))  # type: ignore[arg-type]
-
-
-def test_non_robots_are_named() -> None:
-    for run in (
-        lambda: sweep("amouri2019", LOADS),  # type: ignore[arg-type]
-        lambda: ramp("amouri2019", [1, 0, 0], Motion(1.0)),  # type: ignore[arg-type]
-    ):
-        with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):
-            run()
+        call()
 
 
 def test_a_folder_with_files_is_refused_for_calculix(tmp_path: Path) -> None:
@@ -709,30 +685,6 @@ def test_files_of_calculix_are_kept_on_request(own_cache: Path) -> None:
     assert not list(own_cache.glob(".bowstring-fe-*"))
 
 
-def test_files_of_another_run_are_not_used(
-    own_cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before_real(own_cache, monkeypatch, "exit 0\n")
-    (own_cache / "files").mkdir()
-    (own_cache / "files" / "robot.sta").touch()
-    with pytest.raises(InputError, match="not an empty folder"):
-        sweep(small_robot(), LOADS, settings=COARSE, keep=own_cache / "files")
-
-
-@pytest.mark.parametrize(
-    ("tensions", "says"),
-    [
-        ([[1.0, 2.0]], r"shape \(1, 2\)"),
-        ([[1.0, -2.0, 0.0]], "a tendon can only pull"),
-        ([[1.0, np.nan, 0.0]], "finite"),
-        ("much", "must be numbers in N"),
-    ],
-)
-def test_invalid_tensions_are_refused(tensions: object, says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        sweep(small_robot(), tensions)
-
-
 @pytest.mark.parametrize(
     ("pitch", "radius", "motion"), [("2.52 mm", "3 mm", False), ("3 mm", "3.3 mm", True)]
 )
@@ -748,14 +700,6 @@ def test_disks_that_are_no_wider_than_the_backbone_are_named(
             ramp(robot, [40.0, 0, 0], Motion(0.01), settings=COARSE)
         else:
             sweep(robot, LOADS, settings=COARSE)
-
-
-def test_invalid_settings_are_refused() -> None:
-    with pytest.raises(InputError, match="10 to 1e6"):
-        sweep(small_robot(), LOADS, settings=Settings(stiffness=1.0))
-    for residual in (0.0, 1.0, np.nan):  # no end of the iteration, or no equilibrium at its end
-        with pytest.raises(InputError, match=r"residual is \S+, it must be"):
-            sweep(small_robot(), LOADS, settings=Settings(residual=residual))
 
 
 @needs_ccx

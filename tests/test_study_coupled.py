@@ -252,6 +252,7 @@ def test_the_report_says_what_is_not_computed(coupled: Study, tmp_path: Path) ->
     content = json.loads((folder / "study.json").read_text())
     assert WITHOUT in content["notes"] and content["backbone_limits"] == []
     assert set(content["sweep"]["von_mises_max_MPa"]) == {None}
+    assert content["dynamics"]["status"] == "converged"
     assert set(content["dynamics"]["strain_max_percent"]) == {None}
     for table in (folder / "tables").glob("*.csv"):
         with table.open() as file:
@@ -334,17 +335,7 @@ def test_a_file_of_a_run_has_its_fields(robot: bs.Robot, tmp_path: Path) -> None
         assert strain @ matrix == pytest.approx(wrench, rel=1e-9, abs=1e-9)
 
 
-# -- commands ----------------------------------------------------------------------------------
-
-
-@pytest.mark.usefixtures("coarse")
-def test_the_command_studies_it(shell: Shell, tmp_path: Path) -> None:
-    (tmp_path / "coupled.yaml").write_text(to_yaml(made()))
-    loads = ("--max-tension", "4", "--points", "3")
-    given = ("study", str(tmp_path / "coupled.yaml"), "--out", str(tmp_path / "out"), *loads)
-    found = shell.json(*given)
-    assert WITHOUT in found["notes"] and found["dynamics"]["status"] == "converged"
-    assert (tmp_path / "out" / "report.html").exists()
+# -- refusals ----------------------------------------------------------------------------------
 
 
 def test_the_chart_is_not_for_a_matrix() -> None:

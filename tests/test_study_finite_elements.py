@@ -140,10 +140,6 @@ def test_it_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch, tmp_path
         run_study(small_robot(), extras=Extras(fe=Settings()))
 
 
-def test_the_disk_contact_option_needs_finite_elements(shell: Shell) -> None:
-    assert shell("study", "--grip", "sliding")[0] == 2
-
-
 def test_a_study_without_finite_elements_has_no_entries_of_them(paper: Study) -> None:
     assert paper.bricks is None
     assert paper.against("fe") == ()

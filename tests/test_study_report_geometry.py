@@ -7,6 +7,7 @@ import itertools
 import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -40,11 +41,15 @@ ROBOTS: dict[str, dict[str, Any]] = {
 }
 
 
-def studied(name: str, paper: Study, **options: Any) -> Study:
-    """The study of a robot of `ROBOTS` with a sweep of few loads."""
+@cache
+def stages(name: str) -> Stages:
+    """A robot of `ROBOTS` with a sweep of few loads."""
     known = name in robot_names() or name.endswith(".yaml")
-    robot = load_robot(name if known else "amouri2019", ROBOTS[name])
-    return Stages(robot, points=3, **options).over(paper)
+    return Stages(load_robot(name if known else "amouri2019", ROBOTS[name]), points=3)
+
+
+def studied(name: str, paper: Study) -> Study:
+    return stages(name).over(paper)
 
 
 # -- equations ---------------------------------------------------------------------------------
@@ -159,7 +164,8 @@ def test_a_segment_where_no_tendon_ends_has_the_arc_of_the_linear_law(paper: Stu
 
 
 def test_a_straight_robot_has_no_numbers_to_put_in(paper: Study) -> None:
-    balanced = studied("amouri2019", paper, tendon={1: 1.0, 2: 1.0, 3: 1.0}, max_tension=9.0)
+    robot, every = load_robot("amouri2019"), {1: 1.0, 2: 1.0, 3: 1.0}
+    balanced = Stages(robot, points=3, tendon=every, max_tension=9.0).over(paper)
     found = study_equations(balanced)
     assert found.equations == () and "straight at this load" in found.intro[-1]
     for stem in ("fig01_robot", "fig02_arc", "fig03_spaces", "fig04_module"):

@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from tests.shell import Shell
+from matplotlib.figure import Figure
 
 import bowstring as bs
 from bowstring import jobs
@@ -36,43 +36,16 @@ from bowstring.validity.map_job import map_job
 from bowstring.validity.maps import STATES, validity_map
 from bowstring.validity.multi_axis_maps import compute_grid
 from bowstring.validity.sentences import described
+from shell import Shell
+from stages import Stages
 
 ROBOT = bs.load_robot("amouri2019")
 TENSIONS = np.outer(np.linspace(0.0, 80.0, 9), [1.0, 0.0, 0.0])
 LENGTHS, FORCE = "cc_from_lengths", "cc_from_force"
-
-
-def drawn(rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
-    return {
-        "segments.*.backbone.E": rng.uniform(20e9, 60e9, count),
-        "segments.0.backbone.diameter": rng.uniform(3e-3, 5e-3, count),
-        "segments.0.disks.clamped_length": rng.uniform(0.0, 6e-3, count),
-        "segments.0.disks.mass": rng.uniform(0.0, 0.05, count),
-        "pitch_radius": rng.uniform(0.01, 0.03, count),
-        "segments.0.length": rng.uniform(0.5, 0.8, count),
-        "gravity.2": rng.uniform(-9.81, 9.81, count),
-    }
+COUNT = "segments.0.disks.count"
 
 
 # -- many robots -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["amouri2019", "crl-ftdcr-v4", "rao2021"])
-def test_arrays_of_designs_are_those_of_each_robot(name: str) -> None:
-    robot = bs.load_robot(name)
-    rng = np.random.default_rng(1)
-    values = {
-        "segments.*.backbone.diameter": rng.uniform(0.9, 1.1, 5)
-        * robot.segments[0].backbone.diameter,
-        "segments.*.backbone.E": rng.uniform(0.5, 2.0, 5) * robot.segments[0].backbone.E,
-    }
-    designs = Designs(robot, values)
-    for i in range(5):
-        one = Designs(designs.robot_at(i), {"segments.0.length": [robot.segments[0].length]})
-        for array in ("sections", "disks", "holes"):
-            np.testing.assert_allclose(
-                getattr(designs, array)[i], getattr(one, array)[0], rtol=1e-14
-            )
 
 
 def test_density_and_drilled_holes_follow_the_design() -> None:
@@ -87,24 +60,6 @@ def test_density_and_drilled_holes_follow_the_design() -> None:
         found = designs.disks[i].reshape(-1, 6)
         np.testing.assert_allclose(found[:, 2], own.mass_kg, rtol=1e-13)
         np.testing.assert_allclose(found[:, 3:5], own.inertia_kg_m2, rtol=1e-13)
-
-
-def test_a_sweep_of_designs_is_that_of_each_robot() -> None:
-    values = drawn(np.random.default_rng(2), 21)
-    designs = Designs(ROBOT, values)
-    found = sweep_designs(designs, TENSIONS, load=bs.Load(tip_force=[0.0, 0.5, 0.0]))
-    assert found.converged.all()
-    for i in range(0, 21, 4):
-        robot = designs.robot_at(i)
-        one = bs.sweep(robot, TENSIONS, load=bs.Load(tip_force=[0.0, 0.5, 0.0]), disks=False)
-        np.testing.assert_allclose(found.tip_position[i], one.tip_position, atol=1e-9)
-        np.testing.assert_allclose(found.tendon_lengths[i], one.tendon_lengths, atol=1e-9)
-
-
-def test_a_sweep_of_designs_does_not_depend_on_threads() -> None:
-    designs = Designs(ROBOT, drawn(np.random.default_rng(3), 30))
-    one, two = (sweep_designs(designs, TENSIONS, threads=n).tip_position for n in (1, 2))
-    assert one.tobytes() == two.tobytes()
 
 
 def test_designs_that_buckle_go_on_from_their_last_pose() -> None:
@@ -227,15 +182,14 @@ def test_the_crossing_of_the_study() -> None:
 
 
 def test_values_are_those_of_the_study() -> None:
-    study = bs.run_study(
-        ROBOT.with_({"segments.0.disks.clamped_length": "3 mm"}), loading=Loading(80.0)
-    )
+    robot = ROBOT.with_({"segments.0.disks.clamped_length": "3 mm"})
+    comparisons = Stages(robot, max_tension=80.0).comparisons
     found = validity_map(
         ROBOT, [Axis("segments.0.disks.clamped_length", 0.0, 3e-3, 2)], metric="mean_error"
     )
-    for c in study.comparisons:
-        if c.against == "statics" and c.name in (LENGTHS, FORCE):
-            assert found.value[c.name][1] * study.length == pytest.approx(c.mean, rel=1e-6)
+    for name in (LENGTHS, FORCE):
+        mean = comparisons[name].mean / robot.length
+        assert found.value[name][1] == pytest.approx(mean, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -322,62 +276,6 @@ def test_bad_axes_are_refused(text: str, message: str) -> None:
         axes_of(ROBOT, [text])
 
 
-@pytest.mark.parametrize(
-    ("over", "message"),
-    [
-        (
-            ["disks.count=1:80:3"],
-            r"axis segments\.0\.disks\.count at 80: .*clamped_length: got 10 mm",
-        ),
-        (["E=50:60 GPa", "disks.count=1:80:3"], r"axis segments\.0\.disks\.count at 80: "),
-        (["E=50:60 GPa", "length=10 mm:700 mm"], r"axis segments\.0\.length at 10 mm: "),
-        (
-            ["disks.count=5:40:3", "disks.clamped_length=1:20 mm"],
-            r"axes segments\.0\.disks\.count at 40 and \S*clamped_length at 20 mm: ",
-        ),
-        (
-            ["disks.count=1:100000:3"],
-            r"axis \S* at 100000: amouri2019 .* a map takes at most 10000",
-        ),
-    ],
-)
-def test_axes_without_a_robot_at_their_end_are_named_before_work(
-    over: list[str], message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    robot = (
-        ROBOT if "100000" in over[0] else ROBOT.with_({"segments.0.disks.clamped_length": "10 mm"})
-    )
-    monkeypatch.setattr(design_space, "follow", lambda *_: pytest.fail("work began"))
-    for function in (validity_map, bs.validity_grid):
-        with pytest.raises(InputError, match=f"^{message}"):
-            function(robot, over)
-
-
-def test_a_map_of_a_robot_with_too_many_disks_blames_no_axis() -> None:
-    robot = ROBOT.with_({"segments.0.disks.count": 10_001})
-    with pytest.raises(InputError, match=r"^amouri2019 has 10001 disks"):
-        validity_map(robot, ["E=50:60 GPa"])
-
-
-def test_the_name_of_a_robot_is_no_robot() -> None:
-    for make in (
-        lambda: validity_map("amouri2019"),  # type: ignore[arg-type]
-        lambda: bs.validity_grid("amouri2019", ["E=1:2 GPa"]),  # type: ignore[arg-type]
-        lambda: bs.workspace_map("amouri2019", 1.0),  # type: ignore[arg-type]
-        lambda: bs.validity_spread("amouri2019", {}),  # type: ignore[arg-type]
-    ):
-        with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):
-            make()
-
-
-def test_the_same_number_twice_is_refused() -> None:
-    for pair in (["gravity.z=0:1", "gravity.2=0:1"], ["E=1:2 GPa", "backbone.E=1:2 GPa"]):
-        with pytest.raises(InputError, match="two axes are"):
-            axes_of(ROBOT, pair)
-    with pytest.raises(InputError, match=r"both have segments\.0\.backbone\.E"):
-        axes_of(bs.load_robot("crl-ftdcr-v4"), ["segments.0.backbone.E=50:60 GPa", "E=50:60 GPa"])
-
-
 def coupled() -> bs.Robot:
     stiffness = np.diag([0.44, 0.44, 0.34, 1e4, 1e4, 4e5])
     stiffness[1, 2] = stiffness[2, 1] = 0.1
@@ -386,15 +284,80 @@ def coupled() -> bs.Robot:
     return ROBOT.with_({f"segments.0.backbone.{name}": v for name, v in changes.items()})
 
 
-def test_entries_of_a_matrix_as_axes_are_named() -> None:
-    """Positive definite up to sqrt(0.44 * 0.34) = 0.387."""
-    robot = coupled()
-    axes_of(robot, ["stiffness.1.2=0:0.386"])
-    says = r"stiffness.1.2: 0.388 gives a matrix that is not positive definite.*smaller range"
-    with pytest.raises(InputError, match=says):
-        axes_of(robot, ["stiffness.1.2=0:0.388"])
-    with pytest.raises(InputError, match="are the same entry of the symmetric stiffness matrix"):
-        axes_of(robot, ["stiffness.1.2=0:0.1", "stiffness.2.1=0:0.1"])
+CLAMPED = ROBOT.with_({"segments.0.disks.clamped_length": "10 mm"})
+MAX_CLAMPED = r"axis segments\.0\.disks\.count at 80: "
+
+
+@pytest.mark.parametrize(
+    ("robot", "over", "options", "message"),
+    [
+        (CLAMPED, ["disks.count=1:80:3"], {}, f"^{MAX_CLAMPED}.*clamped_length: got 10 mm"),
+        (CLAMPED, ["E=50:60 GPa", "disks.count=1:80:3"], {}, f"^{MAX_CLAMPED}"),
+        (CLAMPED, ["E=50:60 GPa", "length=10 mm:700 mm"], {}, r"^axis \S*length at 10 mm: "),
+        (
+            CLAMPED,
+            ["disks.count=5:40:3", "disks.clamped_length=1:20 mm"],
+            {},
+            r"^axes segments\.0\.disks\.count at 40 and \S*clamped_length at 20 mm: ",
+        ),
+        (
+            ROBOT,
+            ["disks.count=1:100000:3"],
+            {},
+            r"^axis \S* at 100000: amouri2019 .* at most 10000",
+        ),
+        (ROBOT.with_({COUNT: 10_001}), ["E=50:60 GPa"], {}, "^amouri2019 has 10001 disks"),
+        ("amouri2019", ["E=1:2 GPa"], {}, "robot is 'amouri2019', it must be a Robot"),
+        (ROBOT, ["gravity.z=0:1", "gravity.2=0:1"], {}, "two axes are"),
+        (ROBOT, ["E=1:2 GPa", "backbone.E=1:2 GPa"], {}, "two axes are"),
+        (
+            bs.load_robot("crl-ftdcr-v4"),
+            ["segments.0.backbone.E=50:60 GPa", "E=50:60 GPa"],
+            {},
+            r"both have segments\.0\.backbone\.E",
+        ),
+        # positive definite up to sqrt(0.44 * 0.34) = 0.387
+        (
+            coupled(),
+            ["stiffness.1.2=0:0.388"],
+            {},
+            "0.388 gives a matrix that is not positive definite.*smaller range",
+        ),
+        (
+            coupled(),
+            ["stiffness.1.2=0:0.1", "stiffness.2.1=0:0.1"],
+            {},
+            "are the same entry of the symmetric stiffness matrix",
+        ),
+        (ROBOT, ["tension=0:80 N", "bend=0:90 deg"], {}, "one of them"),
+        (ROBOT, ["tension=0:40 N", "hole_clearance=0:2 mm"], {}, "changes nothing"),
+        (ROBOT, ["bend=-10:90 deg"], {}, "negative bend"),
+        (ROBOT, ["bend=0:90"], {}, "0:90 deg"),
+        (ROBOT, ["bend=0:90 deg"], {"metric": "valid_to"}, "sweep of the bend"),
+        (ROBOT, ["bend=0:90 deg"], {"loading": Loading(50.0)}, "leave it out with bend"),
+        (ROBOT, ["tension=0:80 N"], {"models": ["cc_from_displacements"]}, "axis bend"),
+        (ROBOT, ["pretension=0:20 N"], {}, "add an axis bend"),
+        (ROBOT, ["E=1:2 GPa"], {"metric": "mean"}, "metric"),
+        (ROBOT, ["E=1:2 GPa"], {"models": ["cc_from_nothing"]}, "models"),
+    ],
+)
+def test_maps_that_are_refused(
+    robot: bs.Robot,
+    over: list[str],
+    options: dict[str, Any],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(design_space, "follow", lambda *_: pytest.fail("work began"))
+    for function in (validity_map, bs.validity_grid):
+        with pytest.raises(InputError, match=message):
+            function(robot, over, **options)
+
+
+def test_the_name_of_a_robot_is_no_robot() -> None:
+    for make in (bs.workspace_map, bs.validity_spread):
+        with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):
+            make("amouri2019", {})  # type: ignore[operator]
 
 
 def test_set_takes_the_end_of_a_path_as_an_axis_does(shell: Shell, tmp_path: Path) -> None:
@@ -474,8 +437,7 @@ def test_a_region_without_an_arc_is_not_white() -> None:
     axes = ["tension=200:400 N:5", "E=34:36 GPa:2"]
     found = validity_map(WOUND, axes, tolerance=0.05, models=[LENGTHS])
     figure = found.figure()
-    texts = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "constant curvature not defined" in texts
+    assert "constant curvature not defined" in key_of(figure)
     (panel,) = figure.axes
     drawn = [c for c in panel.collections if c.get_hatch() == "xxxx"]
     assert len(drawn) == 1 and drawn[0].get_facecolor()[0, 3] == 1.0
@@ -776,6 +738,10 @@ def legend_of(panel: Axes) -> list[str]:
     return [text.get_text() for text in legend.get_texts()]
 
 
+def key_of(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
 def test_a_curve_names_its_tendon_and_its_crossing() -> None:
     found = validity_map(ROBOT, ["tension=0:80 N:9"], loading=Loading(80.0, tendon=2))
     (panel,) = found.figure().axes
@@ -793,8 +759,7 @@ def test_a_map_of_limits_has_the_range_of_the_sweep() -> None:
     assert len(bars) == 2
     for bar in bars:
         assert bar.get_ylim() == (0.0, 70.0)
-    texts = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "holds to the end, 70 N" in texts
+    assert "holds to the end, 70 N" in key_of(figure)
 
 
 def test_the_colours_of_a_map_end_at_its_line() -> None:
@@ -832,15 +797,8 @@ def test_a_start_takes_the_unit_of_the_end() -> None:
 # -- the command -------------------------------------------------------------------------------
 
 
-def test_the_command_writes_a_figure_and_says_what_it_shows(shell: Shell, tmp_path: Path) -> None:
-    file = tmp_path / "map.png"
-    code, out, _ = shell("map", "amouri2019", "--over", "tension=0:80 N:5", "--out", str(file))
-    assert code == 0 and file.read_bytes()[:4] == b"\x89PNG"
-    assert "from 0 to 56.1 N" in out and str(file) in out
-
-
-def test_the_command_writes_numbers(shell: Shell, tmp_path: Path) -> None:
-    file = tmp_path / "map.nc"
+def test_the_command_writes_numbers_and_a_figure(shell: Shell, tmp_path: Path) -> None:
+    file, figure = tmp_path / "map.nc", tmp_path / "map.png"
     axes = ("--over", "tension=0:80 N:5", "--over", "E=30:40 GPa:3")
     content = shell.json("map", "amouri2019", *axes, "--out", str(file))
     with xr.open_dataset(file) as data:
@@ -848,6 +806,9 @@ def test_the_command_writes_numbers(shell: Shell, tmp_path: Path) -> None:
         np.testing.assert_allclose(100.0 * data[FORCE].values, shown["values"])
         assert data[f"{FORCE}_cause"].values.tolist() == shown["causes"]
         assert data.attrs["metric"] == "error"
+    code, out, _ = shell("map", "amouri2019", *axes[:2], "--out", str(figure))
+    assert code == 0 and figure.read_bytes()[:4] == b"\x89PNG"
+    assert "from 0 to 56.1 N" in out and str(figure) in out
 
 
 @pytest.mark.parametrize("more", [(), ("--over", "gravity.z=-1:1:2")], ids=["map", "grid"])
@@ -861,35 +822,6 @@ def test_the_unit_of_an_axis_is_that_of_its_values(
     assert bend["values"] == pytest.approx([0.0, np.radians(30.0)])
     assert (clamps["label"], clamps["unit"]) == ("clamped length", "m")
     assert clamps["values"] == pytest.approx([0.0, 0.001, 0.002])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--over", "tension=0:80 N", "--over", "tension=0:40 N"), "two axes are tension"),
-        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4:31", "--over", "length=1:2 m:31"), "--store"),
-        (("--over", "E=1:2 GPa", "--over", "nu=0:0.4", "--over", "E=1:3 GPa"), "two axes are"),
-        (("--metric", "mean_error"), "give other axes"),
-        (("--models", "cc_from_nothing"), "models"),
-        (("--out", "map.txt"), "png"),
-        (("--tolerance", "200 %"), "--tolerance"),
-        (
-            ("--over", "E=10:11 GPa:1001", "--over", "nu=0:0.4:1001", "--points", "1000"),
-            "equilibria",
-        ),
-        (("--over", "clamped_length=0:90 mm"), "clamp"),
-    ],
-)
-def test_bad_input_is_one_sentence(
-    shell: Shell,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    message: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert message in shell.error("map", "amouri2019", *arguments)
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_range_beyond_what_the_robot_carries_is_warned_of_at_once(
@@ -918,16 +850,6 @@ def test_the_workspace_has_the_errors_of_each_pose(tmp_path: Path) -> None:
     assert found.save(tmp_path / "map.svg").exists()
 
 
-def test_the_command_maps_the_workspace(shell: Shell, tmp_path: Path) -> None:
-    args = ("--errors", "--max-tension", "4", "--out", str(tmp_path / "map.png"))
-    content = shell.json("reach", "crl-ftdcr-v4", *args)
-    assert len(content["tip_position_m"]) == 2048 and (tmp_path / "map.png").exists()
-    wrong = ("reach", "amouri2019", "--errors")
-    assert ".png" in shell.error(*wrong, "--out", str(tmp_path / "map.nc"))
-    assert "no payloads" in shell.error(*wrong, "--payload-direction", "0,0,1")
-    assert "add --errors" in shell.error("reach", "amouri2019", "--models", "cc_from_force")
-
-
 def test_the_workspace_has_tensions_and_theory_of_its_own() -> None:
     model = bs.RodModel("kirchhoff")
     most = [40.0, 20.0, 10.0]
@@ -946,8 +868,6 @@ def test_the_command_has_as_many_poses_as_asked_for(shell: Shell, tmp_path: Path
     assert content["provenance"]["settings"]["poses"] == 33
     (one,) = shell.json(*args, "1", "--out", str(tmp_path / "map.svg"))["tip_position_m"]
     assert one == pytest.approx([0.0, 0.0, 0.641])
-    says = "--poses: got 0; must be a whole number from 1 to 1000000."
-    assert shell.error(*args, "0") == says
 
 
 def test_a_workspace_that_holds_everywhere_says_so_instead_of_causes() -> None:
@@ -984,8 +904,7 @@ def test_poses_without_a_result_are_counted(tmp_path: Path) -> None:
     assert found.share_valid(LENGTHS) == pytest.approx((error <= 0.01).sum() / 256)
     content = found.to_dict()
     assert content["errors"][0]["not_defined"] == without.sum()
-    texts = [text.get_text() for text in found.figure().legends[0].get_texts()]
-    assert "constant curvature not defined" in texts and "holds to 1 %" in texts
+    assert {"constant curvature not defined", "holds to 1 %"} <= set(key_of(found.figure()))
     # the second half of the poses has no equilibrium
     tip = np.where(np.arange(256)[:, None] < 128, found.tip, np.nan)
     error = {name: np.where(np.arange(256) < 128, e, np.nan) for name, e in found.error.items()}
@@ -1041,8 +960,7 @@ def test_second_equilibria_of_the_workspace_are_those_of_its_branches() -> None:
         diagram = bs.branch_diagram(robot, load=pull, start=light)
         stable = sum(diagram.branches[b].stable[k] is True for b, k in diagram.equilibria())
         assert stable == (2 if i in two else 1)
-    texts = [text.get_text() for text in found.figure().legends[0].get_texts()]
-    assert "pose: two equilibria, the robot may snap through" in texts
+    assert "pose: two equilibria, the robot may snap through" in key_of(found.figure())
 
 
 def test_progress_of_the_workspace_is_that_of_its_work(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -1088,13 +1006,11 @@ def test_holes_with_planes_have_a_colour() -> None:
     robot = ROBOT.with_({"segments.0.disks.hole_length": "10 mm"})
     found = validity_map(robot, ["tension=0:80 N:3", "E=30:40 GPa:2"], models=[FORCE])
     cause = {FORCE: np.full_like(found.cause[FORCE], "hole_planes")}
-    texts = replace(found, cause=cause).figure().legends[0].get_texts()
     label = "mainly entry and exit planes of the holes"
-    assert label in [text.get_text() for text in texts]
+    assert label in key_of(replace(found, cause=cause).figure())
     poses = bs.workspace_map(robot, 80.0, poses=64, models=[FORCE])
     cause = {FORCE: np.full(64, "hole_planes")}
-    texts = replace(poses, cause=cause, tolerance=1e-5).figure().legends[0].get_texts()
-    assert label in [text.get_text() for text in texts]
+    assert label in key_of(replace(poses, cause=cause, tolerance=1e-5).figure())
 
 
 # -- beyond the largest load -------------------------------------------------------------------
@@ -1172,7 +1088,6 @@ def test_the_command_computes_in_blocks(shell: Shell, tmp_path: Path) -> None:
     assert shell.json(*args, "--out", str(figure))["file"] == str(figure)
     assert figure.read_bytes()[:4] == b"\x89PNG"
     assert "must end in" in shell.error(*args, "--out", str(tmp_path / "map.txt"))
-    assert "--store" in shell.error("map", "amouri2019", *over[:2], "--dask", "tcp://nowhere:1")
     many = ["--over", "E=1:2 GPa:1001", "--over", "nu=0:0.4:1001", "--over", "length=1:2:1001"]
     too = shell.error("map", "amouri2019", *many, "--store", str(tmp_path / "other"))
     assert "at most" in too and not (tmp_path / "other").exists()
@@ -1316,42 +1231,15 @@ def test_bends_of_two_segments_have_the_direction_of_the_linear_law() -> None:
     np.testing.assert_allclose(arcs.phi, by_force.phi)
 
 
-@pytest.mark.parametrize(
-    ("over", "options", "message"),
-    [
-        (["tension=0:80 N", "bend=0:90 deg"], {}, "one of them"),
-        (["tension=0:40 N", "hole_clearance=0:2 mm"], {}, "changes nothing"),
-        (["bend=-10:90 deg"], {}, "negative bend"),
-        (["bend=0:90 deg"], {"metric": "valid_to"}, "sweep of the bend"),
-        (["tension=0:80 N"], {"models": ["cc_from_displacements"]}, "axis bend"),
-        (["pretension=0:20 N"], {}, "add an axis bend"),
-        (["bend=0:90 deg"], {"loading": Loading(50.0)}, "leave it out with bend"),
-    ],
-)
-def test_bends_that_do_not_fit_are_refused(
-    over: list[str], options: dict[str, object], message: str
-) -> None:
-    with pytest.raises(InputError, match=message):
-        validity_map(ROBOT, over, **options)
-
-
 def test_bends_of_robots_of_different_length() -> None:
-    for over in ("segments.0.length=641:100 mm:3", "segments.0.length=100:641 mm:3"):
+    for over in ("length=641:100 mm:3", "length=100:641 mm:3"):
         with pytest.raises(InputError, match="bend of 900 deg shortens tendon 1"):
             validity_map(ROBOT, ["bend=0:900 deg:3", over])
-    found = validity_map(ROBOT, ["bend=0:90 deg:3", "segments.0.length=641:200 mm:3"])
-    assert np.isfinite(found.value["cc_from_displacements"]).all()
-
-
-def test_a_bend_without_a_unit_is_asked_for() -> None:
-    with pytest.raises(InputError, match="0:90 deg"):
-        validity_map(ROBOT, ["bend=0:90"])
-
-
-def test_tendons_that_balance_each_other_have_no_direction_of_bend() -> None:
     balanced = Loading(None, 5, {1: 1.0, 2: 1.0, 3: 1.0})
     with pytest.raises(InputError, match="balance each other"):
         validity_map(ROBOT, ["bend=0:60 deg:3"], loading=balanced)
+    found = validity_map(ROBOT, ["bend=0:90 deg:3", "segments.0.length=641:200 mm:3"])
+    assert np.isfinite(found.value["cc_from_displacements"]).all()
 
 
 def test_the_main_cause_is_that_of_points_above_the_tolerance() -> None:

@@ -18,7 +18,6 @@ from bowstring.errors import InputError
 from bowstring.integrations.gltf import write_glb
 from bowstring.statics import fields
 from made_frames import made_frames
-from shell import Shell
 
 Floats = NDArray[np.float64]
 
@@ -185,13 +184,3 @@ def test_only_a_former_file_is_replaced(file, data, tmp_path):
         write_glb(ROBOT, data, tmp_path / "run.obj")
     with pytest.raises(InputError, match="of another robot"):
         write_glb(load_robot("rao2021"), data, tmp_path / "run.glb")
-
-
-def test_the_command_writes_it(shell: Shell, tmp_path: Path) -> None:
-    out = tmp_path / "run.glb"
-    call = ("simulate", "amouri2019", "--tension", "40,0,0", "--rise", "0.02", "--hold", "0")
-    found = shell.json(*call, "--out", str(out))
-    assert found["files"]["glb"] == str(out)
-    tips = [rings(read(out, t)["backbone"]).mean(axis=1)[-1] for t in (0.0, 0.02)]
-    assert tips[0] == pytest.approx(found["tip_position_m"][0], abs=1e-6)
-    assert tips[1] == pytest.approx(found["tip_position_m"][-1], abs=1e-6)

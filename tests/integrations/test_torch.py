@@ -118,24 +118,6 @@ def test_backward_of_batches(torch: Any, robot: bs.Robot) -> None:
     )
 
 
-def test_a_stiffness_is_fitted_by_descent(torch: Any, robot: bs.Robot) -> None:
-    solver = bowstring.torch.Solver(robot)
-    measured = solver(rows(20), stiffness=[1.23]).tip_position
-    factor = torch.ones(1, dtype=torch.float64, requires_grad=True)
-    optimiser = torch.optim.LBFGS([factor], line_search_fn="strong_wolfe")
-
-    def loss() -> Any:
-        optimiser.zero_grad()
-        found = solver(rows(20), stiffness=factor).tip_position
-        value = (1e3 * (found - measured) ** 2).sum()
-        value.backward()
-        return value
-
-    for _ in range(3):
-        optimiser.step(loss)
-    np.testing.assert_allclose(factor.detach(), [1.23], rtol=1e-6)
-
-
 def test_rows_without_equilibrium_are_nan(torch: Any, robot: bs.Robot) -> None:
     found = bowstring.torch.Solver(robot)([[10.0, 0, 0], [-1.0, 0, 0], [1e7, 0, 0]])
     np.testing.assert_array_equal(found.converged, [True, False, False])
