@@ -106,3 +106,32 @@ def refused(says: str, call: Callable[[], object]) -> None:
         call()
     text = str(error.value)
     assert (says in text or re.search(says, text)) and "\n" not in text and len(text) < 300, text
+
+
+#: Stiffness of the sections of `coupled_robot` without couplings, in N m^2 and N.
+PLAIN_STIFFNESS = np.diag([0.06, 0.09, 0.05, 900.0, 900.0, 1500.0])
+
+
+def coupled_stiffness(seed: int, share: float) -> Any:
+    """Random stiffness matrix with couplings of a share of the largest possible."""
+    rows = np.random.default_rng(seed).uniform(-1.0, 1.0, (9, 6))
+    product = rows.T @ rows
+    cosine = product / np.sqrt(np.outer(product.diagonal(), product.diagonal()))
+    size = np.sqrt(PLAIN_STIFFNESS.diagonal())
+    return np.outer(size, size) * (share * cosine + (1.0 - share) * np.eye(6))
+
+
+def coupled_robot(
+    stiffness: Any, count: int = 5, segments: int = 1, backbone: Any = None, **fields: Any
+) -> bs.Robot:
+    """A robot of segments of 0.4 m with this stiffness matrix."""
+    line = {"mass_per_length": "30 g/m", "rotary_inertia": "0.05 g*mm", **(backbone or {})}
+    disks = {"count": count, "mass": "10 g", "radius": "25 mm", "thickness": "2 mm"}
+    segment = {
+        "length": "0.4 m",
+        "backbone": {"stiffness": np.asarray(stiffness).tolist(), **line},
+        "disks": {**disks, "clamped_length": 0.0},
+        "tendons": {"count": 3, "pitch_radius": "20 mm"},
+    }
+    given = {"name": "coupled", "segments": [segment] * segments, **fields}
+    return bs.Robot.model_validate(given)

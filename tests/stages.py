@@ -6,9 +6,13 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+import pytest
+
 from bowstring.data.tip_errors import Comparison
 from bowstring.robot.model import Robot
 from bowstring.study import run
+from bowstring.study.actuation_budget import ActuationBudget, actuation_budget
 from bowstring.study.comparison import COMPARISONS, Model, Theory
 from bowstring.study.error_budget import Budget, error_budget
 from bowstring.study.notes import PublishedClaim, claim_of, notes_of
@@ -149,3 +153,20 @@ def by_name(given: dict[str, Any]) -> dict[str, Any]:
     for name in ("loading", "ramp", "extras"):
         out |= vars(out.pop(name))
     return out
+
+
+def law_rows(robot: Robot, plain: Robot) -> tuple[ActuationBudget, dict[str, Any]]:
+    """The actuation budget of a robot with a law, and its rows by effect.
+
+    The last two are those of the law; the others are those of the robot without it.
+    """
+    tension = np.linspace(0.0, 60.0, 5)
+    found, without = (
+        actuation_budget(model, tension, model.case(model.main, tension))
+        for model in (Model(each, 0, "cosserat") for each in (robot, plain))
+    )
+    rows = {row.effect: row for row in found.rows}
+    assert [row.effect for row in without.rows] == list(rows)[:-2]
+    for row in without.rows:
+        assert rows[row.effect].moved == pytest.approx(row.moved, rel=1e-9)
+    return found, rows

@@ -9,10 +9,8 @@ import bowstring as bs
 from bowstring.calibration import Data, fit
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import Commands, TipModel
-from bowstring.errors import InputError
-from bowstring.robot.designs import Designs
 from bowstring.robot.model import with_tendons
-from bowstring.statics.design_sweeps import sweep_designs
+from stages import law_rows
 
 HALF = 0.4e-3
 FIELD = "segments.*.tendons.backlash"
@@ -50,15 +48,6 @@ def test_each_row_of_a_batch_starts_from_home():
     assert found.displacements() == pytest.approx(np.array(alone), abs=1e-15)
 
 
-def test_a_history_keeps_where_the_drive_is():
-    whole = bs.sweep(LOOSE, load=bs.Load(displacements=COMMANDS))
-    first = bs.sweep(LOOSE, load=bs.Load(displacements=COMMANDS[:3]))
-    second = bs.sweep(LOOSE, load=bs.Load(displacements=COMMANDS[3:]), history=first.history())
-    assert second.displacements() == pytest.approx(whole.displacements()[3:], abs=1e-15)
-    one = bs.solve(LOOSE, load=bs.Load(displacements=COMMANDS[3]), history=first.history())
-    assert one.displacements() == pytest.approx(whole.displacements()[3], abs=1e-15)
-
-
 def test_a_step_without_a_solution_leaves_the_drive_where_it_was():
     impossible = np.full((1, 3), 0.3)  # all tendons shortened by half of the robot
     rows = np.concatenate([COMMANDS[:2], impossible, COMMANDS[2:]])
@@ -78,17 +67,6 @@ def test_after_tensions_the_drive_is_where_the_tendon_is():
     reached = found.displacements()[0]
     assert reached[0] > 2e-3
     assert found.displacements()[1] == pytest.approx(np.clip(reached, -HALF, HALF), abs=1e-15)
-
-
-def test_robots_that_differ_in_backlash_follow_their_own():
-    halves = [0.0, 2e-4, 6e-4]
-    designs = Designs(TIGHT, {FIELD: halves})
-    found = sweep_designs(designs, displacements=COMMANDS)
-    for k, half in enumerate(halves):
-        alone = bs.sweep(
-            bs.load_robot("amouri2019", {FIELD: half}), load=bs.Load(displacements=COMMANDS)
-        )
-        assert found.tip_position[k] == pytest.approx(alone.tip_position, abs=1e-8)
 
 
 @pytest.mark.parametrize("start", [{}, {FIELD: 2e-4}])
@@ -125,36 +103,8 @@ def test_a_backlash_of_commands_is_one_of_the_drives_without_loss_at_the_first_r
 
 
 def test_the_error_budget_has_rows_of_backlash():
-    from bowstring.study.actuation_budget import actuation_budget
-    from bowstring.study.comparison import Model
-
-    tension = np.linspace(0.0, 60.0, 5)
-
-    def budget(robot):
-        model = Model(robot, 0, "cosserat")
-        return actuation_budget(model, tension, model.case(model.main, tension))
-
-    found, tight = budget(LOOSE), budget(TIGHT)
-    rows = {row.effect: row for row in found.rows}
+    found, rows = law_rows(LOOSE, TIGHT)
     up, down = rows["backlash_loading"], rows["backlash_unloading"]
     assert up.control == "displacement"
     assert up.moved > 1e-3 and down.moved > 1e-3
     assert any("backlash (0.4 mm each way) moves the tip" in text for text in found.text)
-    # the other rows are those of the robot without backlash
-    assert [row.effect for row in tight.rows] == list(rows)[:-2]
-    for row in tight.rows:
-        assert rows[row.effect].moved == pytest.approx(row.moved, rel=1e-9)
-
-
-def test_what_does_not_follow_a_path_refuses_it():
-    bent = bs.solve(LOOSE, load=bs.Load(displacements=COMMANDS[0])).raise_for_status()
-    for refused in (
-        lambda: bs.inverse_kinematics(LOOSE, [[0.1, 0.0, 0.62]]),
-        lambda: bs.compile_robot(LOOSE),
-        lambda: bs.displacement_jacobian(bent),
-        lambda: bs.simulate(LOOSE, [[0.0, 0.0, 0.0]], duration=0.1),
-    ):
-        with pytest.raises(InputError, match=r"backlash.*; set backlash to 0"):
-            refused()
-    with pytest.raises(InputError, match="backlash"):
-        bs.load_robot("amouri2019", {FIELD: "-1 mm"})

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.dynamics import modes
-from bowstring.errors import InputError
+from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.plausibility import load_advice
 from shell import Shell
 
@@ -58,13 +56,19 @@ def test_a_tail_bends_under_its_weight(tmp_path: Path) -> None:
     assert tip > held > 0.0
 
 
+def test_inverse_kinematics_of_a_robot_with_a_tail(tmp_path: Path) -> None:
+    robot = from_text(tmp_path / "tail.yaml", TWO)
+    load = bs.Load(gravity=(9.81, 0.0, 0.0))
+    tip = bs.solve(robot, [6.0, 3.0, 1.0], load=load).tip.position
+    found = bs.inverse_kinematics(robot, tip, load=load).raise_for_status()
+    np.testing.assert_allclose(found.tensions, [6.0, 3.0, 1.0], atol=0.01)
+    with pytest.raises(NoSolutionError, match="comes within"):
+        bs.inverse_kinematics(robot, 0.9 * tip, load=load).raise_for_status()
+
+
 def test_arcs_of_inner_segments_without_tendons_are_refused(tmp_path: Path) -> None:
-    first, second = TWO.split("tendons: {count: 3, pitch_radius: 9 mm}")
-    swapped = (
-        first
-        + "tendons: []"
-        + second.replace("tendons: []", "tendons: {count: 3, pitch_radius: 9 mm}")
-    )
+    ring, none = "tendons: {count: 3, pitch_radius: 9 mm}", "tendons: []"
+    swapped = TWO.replace(none, "last").replace(ring, none).replace("last", ring)
     robot = from_text(tmp_path / "swapped.yaml", swapped)
     found = bs.solve(robot, [3.0, 0.0, 0.0])
     with pytest.raises(InputError, match="segment 1: no tendon ends at it"):
@@ -86,25 +90,15 @@ STIFFNESS = 60e9 * math.pi / 64 * 0.001**4
 MASS = 6000 * math.pi / 4 * 0.001**2
 
 
-def test_a_bare_rod_is_the_elastica(tmp_path: Path) -> None:
-    """A dead force across the tip, by shooting: EI theta'' = -F cos(theta)."""
-    force = 0.8
-
-    def shot(curvature: float) -> np.ndarray:
-        def rate(_: float, y: np.ndarray) -> list[float]:
-            angle = y[0]
-            bend = -force * math.cos(angle) / STIFFNESS
-            return [y[1], bend, math.sin(angle), math.cos(angle)]
-
-        start = [0.0, curvature, 0.0, 0.0]
-        return solve_ivp(rate, (0.0, 0.15), start, rtol=1e-11, atol=1e-13).y[:, -1]
-
-    _, _, x, z = shot(brentq(lambda k: shot(k)[1], 0.0, 0.15 * force / STIFFNESS, xtol=1e-12))
+def test_a_bare_rod_is_that_of_slack_tendons(tmp_path: Path) -> None:
+    """Which `test_statics_rod.py` compares with the elastica."""
     robot = from_text(tmp_path / "rod.yaml", ROD)
-    model = bs.RodModel("kirchhoff", elements=8)
-    found = bs.solve(robot, [], load=bs.Load(tip_force=[force, 0.0, 0.0]), model=model)
-    np.testing.assert_allclose(found.raise_for_status().tip.position, [x, 0.0, z], atol=1e-8)
-    assert x > 0.05
+    slack = robot.with_({"segments.0.tendons": {"count": 3, "pitch_radius": "3 mm"}})
+    load, model = bs.Load(tip_force=[0.8, 0.0, 0.0]), bs.RodModel("kirchhoff", elements=8)
+    found = bs.solve(robot, [], load=load, model=model).raise_for_status()
+    same = bs.solve(slack, [0.0, 0.0, 0.0], load=load, model=model)
+    np.testing.assert_allclose(found.disk_positions, same.disk_positions, atol=1e-12)
+    assert found.tip.position[0] > 0.05
     assert found.stable and found.tensions.size == 0
 
 

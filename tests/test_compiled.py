@@ -19,10 +19,6 @@ DESCRIPTION = TypeAdapter(RobotDescription)
 @pytest.mark.parametrize("name", bs.robot_names())
 def test_every_built_in_robot(name: str) -> None:
     robot = bs.load_robot(name)
-    if robot.has_friction:
-        with pytest.raises(bs.errors.InputError, match="friction"):
-            bs.compile_robot(robot)
-        return
     found = bs.compile_robot(robot)
     DESCRIPTION.validate_python(found, strict=True)
     assert json.loads(json.dumps(found, allow_nan=False)) == found

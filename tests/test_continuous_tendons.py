@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm
-from scipy.optimize import fsolve
 
 import bowstring as bs
+from shooting import STRAIGHT, hat, strain, tip_of
 
 LENGTH, DIAMETER, E, NU = 0.12, 0.016, 0.8e6, 0.42
 GRAVITY = 9.80665
@@ -47,39 +46,6 @@ def stiffness() -> np.ndarray:
     )
 
 
-def strain(
-    wrench: np.ndarray,
-    holes: list[tuple[np.ndarray, np.ndarray]],
-    tensions: list[float],
-    rest: np.ndarray,
-) -> np.ndarray:
-    """Strains (u, v) of a section under a wrench of the loads: six equations by Newton's method.
-
-    `holes` are the places of the tendons and their derivatives along the backbone.
-    """
-    K, found = stiffness(), np.r_[rest, 0.0, 0.0, 1.0]
-    for _ in range(50):
-        residual = K * (found - np.r_[rest, 0.0, 0.0, 1.0]) - wrench
-        tangent = np.diag(K)
-        for (b, slope), tension in zip(holes, tensions, strict=True):
-            along = found[3:] + np.cross(found[:3], b) + slope
-            length = np.linalg.norm(along)
-            t = along / length
-            residual = residual + tension * np.r_[np.cross(b, t), t]
-            cross = np.array([[0, -b[2], b[1]], [b[2], 0, -b[0]], [-b[1], b[0], 0]])
-            by = np.hstack([-cross, np.eye(3)])
-            tangent = tangent + tension / length * by.T @ (np.eye(3) - np.outer(t, t)) @ by
-        step = np.linalg.solve(tangent, residual)
-        found = found - step
-        if abs(step).max() < 1e-14:
-            break
-    return found
-
-
-def hat(w: np.ndarray) -> np.ndarray:
-    return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-
-
 @pytest.mark.parametrize("tension", [0.5, 4.0])
 @pytest.mark.parametrize(
     ("twist", "turns"), [(0.0, 0.0), (1.0, 0.0), (3.0, 0.0), (0.0, 0.3), (0.6, -0.2)]
@@ -90,7 +56,9 @@ def test_without_loads_the_strain_is_constant(twist: float, turns: float, tensio
     solved = bs.solve(body(tendon, twist=twist), [tension]).raise_for_status()
     hole = 5e-3 * np.array([np.cos(0.4), np.sin(0.4), 0.0])
     turning = np.array([0.0, 0.0, (twist + 2 * np.pi * turns) / LENGTH])
-    found = strain(np.zeros(6), [(hole, np.zeros(3))], [tension], turning)
+    holes = hole[None], np.zeros((1, 3))
+    rest = np.add(STRAIGHT, [*turning, 0.0, 0.0, 0.0])
+    found = strain(stiffness(), rest, np.zeros(6), holes, np.array([tension]))
     rate = np.zeros((4, 4))
     rate[:3, :3], rate[:3, 3] = hat(found[:3]), found[3:]
     tip = expm(rate * LENGTH)[:3, 3]
@@ -104,36 +72,22 @@ def shot(
     """Tip by shooting from the base under weight and tip force, with the law of every section."""
     line = np.array([0.0, 0.0, -density * np.pi / 4 * DIAMETER**2 * GRAVITY])
 
-    def holes(s: float) -> list[tuple[np.ndarray, np.ndarray]]:
-        out = []
+    def holes(_: int, s: float) -> tuple[np.ndarray, np.ndarray]:
+        places, slopes = [], []
         for tendon in tendons:
             end = tendon.get("end_pitch_radius", tendon["pitch_radius"])
             slope = (end - tendon["pitch_radius"]) / LENGTH
             rate = 2 * np.pi * tendon.get("turns", 0.0) / LENGTH
             r, a = tendon["pitch_radius"] + slope * s, tendon["angle"] + rate * s
-            along, across = (
-                np.array([np.cos(a), np.sin(a), 0.0]),
-                np.array([-np.sin(a), np.cos(a), 0.0]),
-            )
-            out.append((r * along, slope * along + r * rate * across))
-        return out
+            along, across = np.array([[np.cos(a), np.sin(a), 0.0], [-np.sin(a), np.cos(a), 0.0]])
+            places.append(r * along)
+            slopes.append(slope * along + r * rate * across)
+        return np.array(places), np.array(slopes)
 
-    def rates(s: float, y: np.ndarray) -> np.ndarray:
-        R, m = y[3:12].reshape(3, 3), y[12:15]
-        force = tip_force + line * (LENGTH - s)
-        found = strain(np.r_[R.T @ m, R.T @ force], holes(s), tensions, np.zeros(3))
-        along = R @ found[3:]
-        return np.r_[along, (R @ hat(found[:3])).ravel(), -np.cross(along, force)]
+    def force(s: float) -> np.ndarray:
+        return tip_force + line * (LENGTH - s)
 
-    def end(moment: np.ndarray) -> np.ndarray:
-        start = np.r_[np.zeros(3), np.eye(3).ravel(), moment]
-        return solve_ivp(rates, (0.0, LENGTH), start, rtol=1e-10, atol=1e-12).y[:, -1]
-
-    moment, _, status, message = fsolve(
-        lambda m: end(m)[12:15], np.zeros(3), full_output=True, xtol=1e-13
-    )
-    assert status == 1, message
-    return end(moment)[:3]
+    return tip_of(stiffness(), (LENGTH,), holes, tensions, force)
 
 
 @pytest.mark.parametrize("force", [[0.0, 0.0, 0.0], [0.05, -0.1, 0.02]])

@@ -6,87 +6,36 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp, solve_ivp
 from scipy.optimize import curve_fit
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.dynamics import modes
+from objects import PLAIN_STIFFNESS, coupled_robot, coupled_stiffness
+from shooting import Shooting
 
 LENGTH = 0.4
-PLAIN = np.diag([0.06, 0.09, 0.05, 900.0, 900.0, 1500.0])
-
-
-def _robot(stiffness: Any, count: int = 5, **changes: Any) -> bs.Robot:
-    backbone = {
-        "stiffness": np.asarray(stiffness).tolist(),
-        "mass_per_length": "30 g/m",
-        "rotary_inertia": "0.05 g*mm",
-    }
-    backbone |= changes.pop("backbone", {})
-    tendons = {"count": 3, "pitch_radius": "20 mm"}
-    disks = {"count": count, "mass": "10 g", "radius": "25 mm", "thickness": "2 mm"}
-    segment = {
-        "length": f"{LENGTH} m",
-        "backbone": backbone,
-        "disks": disks | {"clamped_length": "0 mm"},
-        "tendons": tendons,
-    }
-    return bs.Robot.model_validate({"name": "coupled", "segments": [segment], **changes})
 
 
 def _solve(robot: bs.Robot, tensions: Any, model: Any = None, **load: Any) -> bs.Solution:
     return bs.solve(robot, tensions, load=bs.Load(**load), model=model)
 
 
-def _coupled(seed: int, share: float) -> np.ndarray:
-    """Random matrix with couplings of some share of the largest possible."""
-    rows = np.random.default_rng(seed).uniform(-1.0, 1.0, (9, 6))
-    product = rows.T @ rows
-    cosine = product / np.sqrt(np.outer(product.diagonal(), product.diagonal()))
-    size = np.sqrt(PLAIN.diagonal())
-    return np.asarray(np.outer(size, size) * (share * cosine + (1.0 - share) * np.eye(6)))
-
-
 def _integrated(
-    stiffness: Any, force: Any, moment: Any, length: float = LENGTH
+    found: bs.Solution, stiffness: np.ndarray, *loads: bs.PointLoad
 ) -> tuple[np.ndarray, np.ndarray]:
-    """End of a rod under a wrench there, by collocation of its equations with quaternions."""
-    compliance = np.linalg.inv(stiffness)
-
-    def rates(_: Any, y: np.ndarray) -> np.ndarray:
-        turn = Rotation.from_quat(y[3:7].T)
-        wrench = np.hstack(
-            [turn.inv().apply(y[7:10].T), turn.inv().apply(np.tile(force, (y.shape[1], 1)))]
-        )
-        strain = wrench @ compliance
-        along = turn.apply(strain[:, 3:] + [0.0, 0.0, 1.0])
-        q, u = y[3:7].T, strain[:, :3]
-        vector = 0.5 * (q[:, 3:] * u + np.cross(q[:, :3], u))
-        scalar = -0.5 * (q[:, :3] * u).sum(axis=1, keepdims=True)
-        return np.hstack([along, vector, scalar, -np.cross(along, force)]).T
-
-    def ends(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.concatenate([a[:3], a[3:7] - [0.0, 0.0, 0.0, 1.0], b[7:10] - moment])
-
-    s = np.linspace(0.0, length, 41)
-    y = np.zeros((10, 41))
-    y[2], y[6], y[7:10] = s, 1.0, np.asarray(moment)[:, None]
-    for share in (0.25, 0.5, 0.75, 1.0):
-        whole = np.asarray(force, dtype=float)
-        force, kept = share * whole, whole
-        found = solve_bvp(rates, ends, s, y, tol=1e-9, max_nodes=200_000)
-        assert found.success
-        s, y, force = found.x, found.y, kept
-    return y[:3, -1], Rotation.from_quat(y[3:7, -1]).as_matrix()
+    """Tip of the rod of a solution under these loads, by shooting."""
+    positions, turns = Shooting(found.robot, found, list(loads), stiffness).solve()
+    return positions[-1], turns[-1]
 
 
 @pytest.mark.parametrize(("seed", "share"), [(1, 0.3), (2, 0.6), (3, 0.8)])
 def test_a_tip_wrench_bends_the_rod_as_integrated(seed: int, share: float) -> None:
-    stiffness = _coupled(seed, share)
+    stiffness = coupled_stiffness(seed, share)
     force, moment = np.array([0.4, -0.3, -0.2]), np.array([0.02, 0.03, -0.02])
-    position, rotation = _integrated(stiffness, force, moment)
-    found = _solve(_robot(stiffness), tensions=[0.0] * 3, tip_force=force, tip_moment=moment)
+    found = _solve(coupled_robot(stiffness), tensions=[0.0] * 3, tip_force=force, tip_moment=moment)
+    at_tip = bs.PointLoad(arc_length=LENGTH, force=force, moment=moment)
+    position, rotation = _integrated(found, stiffness, at_tip)
     assert np.linalg.norm(found.tip.position - position) < found.error_estimate.tip
     assert found.error_estimate.tip < 1e-5 * LENGTH
     assert abs(found.tip.rotation - rotation).max() < 5e-5
@@ -94,36 +43,15 @@ def test_a_tip_wrench_bends_the_rod_as_integrated(seed: int, share: float) -> No
 
 def test_tendons_bend_the_rod_as_integrated() -> None:
     """The forces of the spans, by the solved poses, on the rod's equations from the base."""
-    stiffness, tensions = _coupled(8, 0.7), np.array([7.0, 2.0, 4.0])
-    compliance, robot = np.linalg.inv(stiffness), _robot(stiffness)
-    found = _solve(robot, tensions)
-    place = np.array([np.zeros(3), *found.disk_positions])
-    turn = np.array([np.eye(3), *found.disk_rotations])
-    arm = np.einsum("kij,tj->kti", turn, np.pad(robot.tendons.hole_m, ((0, 0), (0, 1))))
-    span = np.diff(place[:, None] + arm, axis=0)
-    pull = tensions[:, None] * span / np.linalg.norm(span, axis=2, keepdims=True)
-    force = -pull
-    force[:-1] += pull[1:]
-    moment = np.cross(arm[1:], force).sum(axis=1)
-    force = force.sum(axis=1)
-    beyond = np.cumsum(force[::-1], axis=0)[::-1]
-    base = (np.cross(place[1:], force) + moment).sum(axis=0)
-
-    def rates(_: float, y: np.ndarray, n: np.ndarray) -> np.ndarray:
-        r = y[3:12].reshape(3, 3)
-        strain = compliance @ np.concatenate([r.T @ y[12:], r.T @ n])
-        along = r @ np.add(strain[3:], [0.0, 0.0, 1.0])
-        rotated = np.cross(r, strain[:3])
-        return np.concatenate([along, rotated.ravel(), -np.cross(along, n)])
-
-    y = np.concatenate([np.zeros(3), np.eye(3).ravel(), base])
-    ends = np.linspace(0.0, LENGTH, len(place))
-    for k in range(len(place) - 1):
-        y = solve_ivp(rates, ends[k : k + 2], y, args=(beyond[k],), rtol=1e-11, atol=1e-12).y[:, -1]
-        y[12:] -= moment[k]
-        assert np.linalg.norm(y[:3] - place[k + 1]) < 1e-6 * LENGTH
-    assert abs(y[12:]).max() < 1e-6
-    assert np.linalg.norm(y[:3] - place[-1]) < found.error_estimate.tip
+    stiffness = coupled_stiffness(8, 0.7)
+    found = _solve(coupled_robot(stiffness), np.array([7.0, 2.0, 4.0]))
+    rod = Shooting(found.robot, found, [], stiffness)
+    force, moment = rod.on_disks.sum(axis=0)
+    moment = moment + np.cross(found.disk_positions, rod.on_disks[:, 0]).sum(axis=0)
+    left, positions, _ = rod.shoot(np.concatenate([force, moment]))
+    off = np.linalg.norm(positions - found.disk_positions, axis=1)
+    assert abs(left).max() < 1e-6 and off.max() < 1e-6 * LENGTH
+    assert off[-1] < found.error_estimate.tip
 
 
 def test_without_couplings_it_is_the_plain_robot() -> None:
@@ -149,10 +77,10 @@ def test_without_couplings_it_is_the_plain_robot() -> None:
 
 
 def test_a_pull_turns_the_tip_of_a_spiral() -> None:
-    stiffness = PLAIN.copy()
+    stiffness = PLAIN_STIFFNESS.copy()
     stiffness[2, 5] = stiffness[5, 2] = 4.0
     pull = 3.0
-    found = _solve(_robot(stiffness), tensions=[0.0] * 3, tip_force=[0, 0, pull])
+    found = _solve(coupled_robot(stiffness), tensions=[0.0] * 3, tip_force=[0, 0, pull])
     twist, extension = np.linalg.solve(stiffness[np.ix_([2, 5], [2, 5])], [0.0, pull])
     turned = Rotation.from_matrix(found.tip.rotation).as_rotvec()
     assert turned == pytest.approx([0.0, 0.0, twist * LENGTH], rel=1e-12, abs=1e-12)
@@ -160,60 +88,35 @@ def test_a_pull_turns_the_tip_of_a_spiral() -> None:
     assert found.tip.position == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-def test_an_offset_reference_line_is_the_same_rod() -> None:
-    """Strains at a parallel line ``c`` are ``v + u x c``, and its tip moves by ``R c``."""
-    offset = np.array([0.012, -0.007, 0.0])
-    x, y, z = offset
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    # strains at the line from those at the offset one: v = v' - u x c = v' + [c] u
-    back = np.eye(6)
-    back[3:, :3] = cross
-    shifted = back.T @ PLAIN @ back
-    force, moment = np.array([0.5, -0.3, -0.1]), np.array([0.02, 0.01, 0.03])
-    centre = _integrated(PLAIN, force, moment)
-    load = _solve(
-        _robot(shifted, 8),
-        tensions=[0.0] * 3,
-        tip_force=force,
-        tip_moment=moment - np.cross(centre[1] @ offset, force),
-    )
-    assert load.error_estimate.tip < 1e-5 * LENGTH
-    expected = centre[0] + centre[1] @ offset - offset
-    assert np.linalg.norm(load.tip.position - expected) < max(
-        load.error_estimate.tip, 1e-6 * LENGTH
-    )
-    assert abs(load.tip.rotation - centre[1]).max() < 2e-5
-
-
 def test_a_tip_on_a_plane_bends_the_rod_as_integrated() -> None:
     """Under load and contact force together; the tip is on the plane, which only pushes."""
-    stiffness, pull = _coupled(2, 0.6), np.array([0.5, -0.2, -0.1])
-    free = _integrated(stiffness, pull, [0.0] * 3)[0]
-    plane = bs.Plane([0.6 * free[0], 0.0, 0.0], [-1.0, 0.2, 0.1])
+    stiffness, pull = coupled_stiffness(2, 0.6), np.array([0.5, -0.2, -0.1])
     load = bs.Load([0.0] * 3, tip_force=pull)
-    contact = bs.solve_contact(_robot(stiffness), load=load, plane=plane).raise_for_status()
+    free = bs.solve(coupled_robot(stiffness), load=load).tip.position
+    plane = bs.Plane([0.6 * free[0], 0.0, 0.0], [-1.0, 0.2, 0.1])
+    contact = bs.solve_contact(coupled_robot(stiffness), load=load, plane=plane).raise_for_status()
     tip, turn = contact.solution.tip.position, contact.solution.tip.rotation
     assert contact.state == "sliding" and contact.stable is True
     assert contact.normal_force > 0.05 and abs(plane.gap(tip)) < 1e-9 * LENGTH
     assert abs(contact.force - contact.normal_force * np.array(plane.normal)).max() < 1e-12
-    position, rotation = _integrated(stiffness, pull + contact.force, [0.0] * 3)
+    at_tip = bs.PointLoad(arc_length=LENGTH, force=pull + contact.force)
+    position, rotation = _integrated(contact.solution, stiffness, at_tip)
     assert np.linalg.norm(tip - position) < contact.solution.error_estimate.tip < 1e-5 * LENGTH
     assert abs(turn - rotation).max() < 5e-5
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_turned_axes_turn_a_path_on_a_plane(friction: float) -> None:
-    stiffness, angle = _coupled(4, 0.7), 2.0 * np.pi / 3.0
+def test_turned_axes_turn_a_path_on_a_plane_with_friction() -> None:
+    stiffness, angle = coupled_stiffness(4, 0.7), 2.0 * np.pi / 3.0
     turn = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
     both = np.kron(np.eye(2), turn)
     rows = np.array([[x, 1.0, 2.0] for x in (3.0, 6.0, 9.0, 6.0)])
-    free = bs.sweep(_robot(stiffness), rows).tip_position
+    free = bs.sweep(coupled_robot(stiffness), rows).tip_position
     point, normal = free[1], np.array([-1.0, 0.4, 0.2])
-    here = bs.sweep_contact(_robot(stiffness), rows, plane=bs.Plane(point, normal, friction))
+    here = bs.sweep_contact(coupled_robot(stiffness), rows, plane=bs.Plane(point, normal, 0.3))
     there = bs.sweep_contact(
-        _robot(both @ stiffness @ both.T),
+        coupled_robot(both @ stiffness @ both.T),
         np.roll(rows, 1, axis=1),
-        plane=bs.Plane(turn @ point, turn @ normal, friction),
+        plane=bs.Plane(turn @ point, turn @ normal, 0.3),
     )
     states = [found.state for found in here]
     assert states[0] == "separated" and states[2] != "separated"
@@ -225,8 +128,8 @@ def test_turned_axes_turn_a_path_on_a_plane(friction: float) -> None:
 
 
 def test_strains_along_the_backbone_are_those_of_the_matrix() -> None:
-    stiffness = _coupled(9, 0.8)
-    robot = _robot(stiffness, backbone={"rest_twist": "40 deg"}, gravity="0 1 -9.81 m/s^2")
+    stiffness = coupled_stiffness(9, 0.8)
+    robot = coupled_robot(stiffness, backbone={"rest_twist": "40 deg"}, gravity="0 1 -9.81 m/s^2")
     found = _solve(robot, [6.0, 2.0, 1.0]).to_dataset()
     wrench = np.concatenate([found.moment, found.force], axis=-1)[0]
     strain = np.concatenate([found.curvature, found.strain], axis=-1)[0]
@@ -239,7 +142,7 @@ def test_strains_along_the_backbone_are_those_of_the_matrix() -> None:
 def test_small_motions_have_the_frequency_of_the_modes_and_its_damping(seed: int) -> None:
     """Released in the shape of the first mode, without other loads: Kelvin-Voigt damping then has
     the ratio omega tau / 2."""
-    robot, model = _robot(_coupled(seed, 0.8), 3), bs.RodModel(elements=2)
+    robot, model = coupled_robot(coupled_stiffness(seed, 0.8), 3), bs.RodModel(elements=2)
     first = modes(robot, [0.0] * 3, model=model, count=1)
     shape, period = first.displacement[0], 1.0 / first.frequency_hz[0]
     omega = 2.0 * np.pi / period
@@ -274,7 +177,7 @@ def test_small_motions_have_the_frequency_of_the_modes_and_its_damping(seed: int
 def test_a_column_buckles_at_the_softer_of_its_coupled_bends(theory: str) -> None:
     """At Euler's load with the softer bend; with shear and extension, coupled to nothing, at P with
     P (1 + P/GA - P/EA) equal to it, 1.4 % lower."""
-    stiffness = PLAIN.copy()
+    stiffness = PLAIN_STIFFNESS.copy()
     stiffness[0, 1] = stiffness[1, 0] = 0.04
     stiffness[0, 2] = stiffness[2, 0] = 0.03
     stiffness[3:, 3:] = np.diag([15.0, 15.0, 60.0])
@@ -284,7 +187,7 @@ def test_a_column_buckles_at_the_softer_of_its_coupled_bends(theory: str) -> Non
         softer = 1.0 / 15.0 - 1.0 / 60.0
         critical = (np.sqrt(1.0 + 4.0 * euler * softer) - 1.0) / (2.0 * softer)
         assert critical < 0.987 * euler
-    robot = _robot(stiffness)
+    robot = coupled_robot(stiffness)
     model = bs.RodModel(theory, elements=8)
     push = bs.Load([0.0] * 3, tip_force=[0.0, 0.0, -critical])
     found = bs.critical_load(robot, load=push, model=model)
@@ -304,17 +207,13 @@ def test_a_column_buckles_at_the_softer_of_its_coupled_bends(theory: str) -> Non
 
 @pytest.mark.parametrize(("seed", "at"), [(1, 0.3), (2, 0.55), (3, 0.97)])
 def test_a_wrench_between_disks_bends_the_rod_as_integrated(seed: int, at: float) -> None:
-    """Beyond the loaded section the rod is straight.
-
-    Elements do not refine shear and extension, whose part of the error stays.
-    """
-    stiffness = _coupled(seed, 0.7)
+    """Elements do not refine shear and extension, whose part of the error stays."""
+    stiffness = coupled_stiffness(seed, 0.7)
     force, moment = np.array([0.5, -0.4, -0.3]), np.array([0.02, 0.03, -0.02])
-    position, rotation = _integrated(stiffness, force, moment, at * LENGTH)
-    tip = position + rotation[:, 2] * (1.0 - at) * LENGTH
     on_section = bs.PointLoad(arc_length=at * LENGTH, force=force, moment=moment)
-    found = _solve(_robot(stiffness), tensions=[0.0] * 3, point_loads=[on_section])
+    found = _solve(coupled_robot(stiffness), tensions=[0.0] * 3, point_loads=[on_section])
     assert found.stable is True
+    tip, rotation = _integrated(found, stiffness, on_section)
     # the estimate is itself an approximation
     assert np.linalg.norm(found.tip.position - tip) < 1.02 * found.error_estimate.tip
     assert found.error_estimate.tip < 2e-5 * LENGTH

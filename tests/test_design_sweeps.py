@@ -19,17 +19,6 @@ STIFFNESS = "segments.*.tendons.axial_stiffness"
 RAMP = np.outer(np.linspace(0.0, 1.0, 9), [1.0, -0.5, -0.5])
 
 
-@pytest.mark.parametrize("values", [np.zeros(5), np.linspace(0.0, 0.3, 5), np.full(5, 0.2)])
-def test_friction_is_a_path_of_each_robot(values: np.ndarray) -> None:
-    designs = Designs(ROBOT, {FRICTION: values})
-    tensions = np.outer(np.linspace(0.0, 80.0, 9), [1.0, 0.0, 0.0])
-    found = sweep_designs(designs, tensions)
-    for i in range(len(designs)):
-        alone = bs.sweep(designs.robot_at(i), tensions)
-        np.testing.assert_allclose(found.tip_position[i], alone.tip_position, atol=1e-10)
-        np.testing.assert_allclose(found.tip_error[i], alone.tip_error, rtol=0.01)
-
-
 def test_displacements_of_each_robot() -> None:
     """Eleven robots are more than the lanes of a register, and not a multiple of them."""
     designs = Designs(ELASTIC, {STIFFNESS: np.geomspace(1e3, 1e6, 11)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from itertools import pairwise
 from typing import Any
@@ -13,10 +14,13 @@ from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.model import with_tendons
 from bowstring.robot.paths import full_paths, numbers_of
 from bowstring.statics.differentiation import QUANTITIES, DirectionalDerivatives, Rates
 
 Floats = NDArray[np.float64]
+
+AMOURI, RAO = bs.load_robot("amouri2019"), bs.load_robot("rao2021")
 
 #: A dead moment has no potential, so that stability is not always known.
 pytestmark = pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
@@ -92,12 +96,15 @@ def case(seed: int) -> tuple[bs.Solution, dict[str, Any]]:
     return bs.solve(robot, load=load, model=model).raise_for_status(), direction
 
 
+VECTORS = ("gravity", "tip_force", "tip_moment", "tensions", "displacements")
+
+
 def moved(solution: bs.Solution, direction: dict[str, Any], s: float) -> bs.Solution:
     """Solve at a place on the line."""
     robot, load, known = solution.robot, solution.load, dict(numbers_of(solution.robot))
     changes, numbers = {}, {}
     for name, rate in direction.items():
-        if name in NUMBERS:
+        if name not in VECTORS:
             numbers |= {path: known[path] + s * rate for path in full_paths(robot, name)}
         else:
             changes[name] = np.asarray(getattr(load, name)) + s * np.asarray(rate)
@@ -204,11 +211,24 @@ def test_tensions_and_tip_loads_equal_the_elimination() -> None:
         np.testing.assert_allclose(own * size, other, rtol=0, atol=1e-9 * np.abs(other).max())
 
 
-def test_displacements_equal_the_jacobian() -> None:
-    robot = bs.load_robot("amouri2019")
-    bent = bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
+GROWING = itertools.count(1)
+ELASTIC = {"axial_stiffness": 20e3, "free_length": 0.3, "compliance": 1e-5, "pretension": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("robot", "displacements"),
+    [
+        (AMOURI, bs.solve(AMOURI, [20, 5, 3]).displacements()),
+        (AMOURI, [0.02, -0.03, -0.03]),  # two are slack
+        (with_tendons(AMOURI, ELASTIC), [0.02, -0.005, -0.03]),
+        (RAO, bs.solve(RAO, [1, 0.5, 0.4, 0.5, 0.8, 0.6]).displacements()),
+    ],
+)
+def test_displacements_equal_the_jacobian(robot: bs.Robot, displacements: Any) -> None:
+    bent = bs.solve(robot, load=bs.Load(displacements=displacements)).raise_for_status()
     expected = bs.displacement_jacobian(bent)
     found = bs.derivatives(bent)
+    assert (expected.tip_position_by_displacement[:, bent.tensions == 0] == 0).all()
     for of in ("tip_position", "tip_rotation", "tensions", "lengths"):
         other = getattr(expected, f"{of}_by_displacement")
         own = found[of, "displacements"]
@@ -217,7 +237,7 @@ def test_displacements_equal_the_jacobian() -> None:
 
 def loaded() -> bs.Solution:
     # nu given, so that the shear modulus changes with E
-    robot = bs.load_robot("rao2021").with_({"segments.*.backbone.nu": 0.3})
+    robot = RAO.with_({"segments.*.backbone.nu": 0.3})
     load = bs.Load(
         [30, 0, 12, 0, 6, 0],
         gravity=[0, 0, 0],
@@ -259,7 +279,7 @@ def test_the_work_of_the_loads_is_the_change_of_energy() -> None:
 
 
 def test_the_unloaded_robot_grows_with_its_segment() -> None:
-    robot = bs.load_robot("amouri2019").with_({"gravity": [0, 0, 0]})
+    robot = AMOURI.with_({"gravity": [0, 0, 0]})
     path = "segments.0.length"
     by = bs.derivatives(bs.solve(robot, [0, 0, 0]), by=[path])
     np.testing.assert_allclose(by["tip_position", path], [0, 0, 1], atol=1e-10)
@@ -299,7 +319,7 @@ def test_functions_of_neighbours() -> None:
 
 
 def test_a_just_taut_tendon_has_two_derivatives() -> None:
-    robot = bs.load_robot("amouri2019").with_({"gravity": [0, 0, 0]})
+    robot = AMOURI.with_({"gravity": [0, 0, 0]})
     home = bs.solve(robot, load=bs.Load(displacements=[0, 0, 0]))
     sides = []
     for side in (1, -1):
@@ -341,36 +361,56 @@ def test_a_number_at_its_limit_has_a_one_sided_derivative() -> None:
         ({"gravity.z": 1.0}, "gravity is a vector of the load: write gravity"),
         ({"displacements": [1, 0, 0]}, "tendon 1 has a given tension, so that displacements"),
         ([1, 2], "direction is .*, it must be a mapping"),
+        ({"angles": [1, 0, 0]}, 'no number "angles"'),
     ],
 )
 def test_wrong_directions_are_refused(direction: Any, said: str) -> None:
-    solution = bs.solve(bs.load_robot("amouri2019"), [40, 0, 0])
+    solution = bs.solve(AMOURI, [40, 0, 0])
     pattern = re.escape(said).replace(r"\.\*", ".*")
     with pytest.raises(InputError, match=pattern):
         bs.directional_derivatives(solution, direction)
 
 
-def test_wrong_arguments_are_refused() -> None:
-    robot = bs.load_robot("amouri2019")
-    solution = bs.solve(robot, [40, 0, 0])
-    with pytest.raises(InputError, match="by is 'tensions', it must be a list"):
-        bs.derivatives(solution, by="tensions")
-    with pytest.raises(InputError, match="every tendon has a given tension"):
-        bs.derivatives(solution, by=["displacements"])
-    with pytest.raises(InputError, match="functions has lengths, which is a result"):
-        bs.derivatives(solution, functions={"lengths": lambda near: 0.0})
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"by": "tensions"}, "by is 'tensions', it must be a list"),
+        ({"by": 3}, "it must be a list of variables"),
+        ({"by": iter(["tip_force"])}, "it must be a list of variables"),
+        ({"by": ["displacements"]}, "every tendon has a given tension"),
+        ({"functions": {"lengths": lambda near: 0.0}}, "functions has lengths, which is a result"),
+        ({"functions": {"of": lambda near: "x"}}, "must return a number or an array"),
+        ({"functions": {"of": lambda near: None}}, "must return a number or an array"),
+        (
+            {"functions": {"of": lambda near: np.zeros(next(GROWING))}},
+            r"of has shape \(1,\) at one solution and \(2,\)",
+        ),
+        ({"solution": 3}, "solution is 3, it must be one made by"),
+        (
+            {"solution": bs.solve(with_tendons(AMOURI, {"friction": 0.1}), [40, 0, 0])},
+            "friction",
+        ),
+        (
+            {"solution": bs.solve(AMOURI, [4, 0, 0], model=bs.RodModel(tendon_path="continuous"))},
+            "continuous",
+        ),
+    ],
+)
+def test_wrong_arguments_are_refused(given: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        bs.derivatives(**{"solution": bs.solve(AMOURI, [40, 0, 0]), **given})
+
+
+def test_unknown_results_and_missing_solutions_are_refused() -> None:
+    solution = bs.solve(AMOURI, [40, 0, 0])
     found = bs.derivatives(solution, by=["tip_force"])
     with pytest.raises(InputError, match="the variable must be one of tip_force"):
         found["lengths", "tensions"]
     assert {of for of, _ in found.values} == set(QUANTITIES)
     with pytest.raises(NoSolutionError):
-        bs.derivatives(bs.solve(robot, [1e6, 0, 0]))
-    rubbing = robot.with_({"segments.0.tendons.friction": 0.1})
-    with pytest.raises(InputError, match="friction"):
-        bs.derivatives(bs.solve(rubbing, [40, 0, 0]))
-    curved = bs.solve(robot, [40, 0, 0], model=bs.RodModel(tendon_path="continuous"))
-    with pytest.raises(InputError, match="continuous"):
-        bs.derivatives(curved)
+        bs.derivatives(bs.solve(AMOURI, [1e6, 0, 0]))
+    with pytest.raises(NoSolutionError):  # not a ZeroDivisionError
+        bs.directional_derivatives(solution, {"tensions": [5e-324, 0, 0]})
 
 
 def checked(solution: bs.Solution, path: str, side: int = 0) -> float:
@@ -380,7 +420,7 @@ def checked(solution: bs.Solution, path: str, side: int = 0) -> float:
     assert found.relative_error < 1e-7
 
     def numbers(s: float) -> Floats:
-        near = solution if s == 0.0 else moved_by(solution, direction, s)
+        near = solution if s == 0.0 else moved(solution, direction, s)
         return np.concatenate([row(near), 1e-3 * near.tensions])
 
     step = 2e-3
@@ -393,12 +433,6 @@ def checked(solution: bs.Solution, path: str, side: int = 0) -> float:
         expected = (4 * halves[1] - halves[0]) / 3
     own = np.concatenate([row(found.first), 1e-3 * found.first.tensions])
     return float(np.abs(own - expected).max() / np.abs(expected).max())
-
-
-def moved_by(solution: bs.Solution, direction: dict[str, float], s: float) -> bs.Solution:
-    known = dict(numbers_of(solution.robot))
-    robot = solution.robot.with_({path: known[path] + s * v for path, v in direction.items()})
-    return bs.solve(robot, load=solution.load, model=solution.model).raise_for_status()
 
 
 @pytest.mark.parametrize(
@@ -414,20 +448,8 @@ def moved_by(solution: bs.Solution, direction: dict[str, float], s: float) -> bs
 )
 def test_displacements_keep_to_the_home_pose(path: str) -> None:
     """Numbers that change the home pose, with elastic tendons that are not parallel."""
-    robot = bs.load_robot("amouri2019").with_(
-        {
-            "segments.0.backbone.rest_bend": 0.5,
-            **{
-                f"segments.0.tendons.{name}": value
-                for name, value in {
-                    "pretension": 2.0,
-                    "axial_stiffness": 3e4,
-                    "turns": 0.3,
-                    "end_pitch_radius": 0.02,
-                }.items()
-            },
-        }
-    )
+    elastic = {"pretension": 2.0, "axial_stiffness": 3e4, "turns": 0.3, "end_pitch_radius": 0.02}
+    robot = with_tendons(AMOURI.with_({"segments.0.backbone.rest_bend": 0.5}), elastic)
     bent = bs.solve(robot, [14, 6, 4], model=bs.RodModel(elements=2))
     held = bs.Load(displacements=bent.displacements())
     assert checked(bs.solve(robot, load=held, model=bent.model), path) < 1e-6
@@ -462,23 +484,3 @@ def test_the_inertia_of_a_payload_has_no_effect() -> None:
     assert np.abs(found.first.tip_position).max() < 1e-7  # rounding, m per 1e-5 kg m^2
     with pytest.raises(InputError, match="the largest moment of inertia"):
         bs.directional_derivatives(solution, {"payloads.0.inertia.0": 1e-5})
-
-
-def test_wrong_results_and_solutions_are_refused() -> None:
-    solution = bs.solve(bs.load_robot("amouri2019"), [40, 0, 0])
-    wrong: Any = 3
-    with pytest.raises(InputError, match="solution is 3, it must be one made by"):
-        bs.derivatives(wrong)
-    for by in (3, iter(["tip_force"])):
-        with pytest.raises(InputError, match="it must be a list of variables"):
-            bs.derivatives(solution, by=by)  # type: ignore[arg-type]
-    for value in ("x", None):
-        with pytest.raises(InputError, match="must return a number or an array"):
-            bs.derivatives(solution, by=["gravity"], functions={"of": lambda near: value})  # type: ignore[arg-type, return-value] # noqa: B023
-    sizes = iter(range(1, 9))
-    with pytest.raises(InputError, match=r"of has shape \(1,\) at one solution and \(2,\)"):
-        bs.derivatives(solution, functions={"of": lambda near: np.zeros(next(sizes))})
-    with pytest.raises(NoSolutionError):  # not a ZeroDivisionError
-        bs.directional_derivatives(solution, {"tensions": [5e-324, 0, 0]})
-    with pytest.raises(InputError, match='no number "angles"'):
-        bs.directional_derivatives(solution, {"angles": [1, 0, 0]})

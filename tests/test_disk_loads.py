@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import bowstring as bs
-from bowstring.dynamics import Table, modes, ramp
+from bowstring.dynamics import modes
 
 ROBOT = bs.load_robot("amouri2019")
 TENSIONS = [40.0, 0.0, 10.0]
@@ -70,28 +70,6 @@ def test_a_cantilever_follows_the_beam(disk: int) -> None:
         assert np.abs(found[:, 1] / exact - 1).max() < 1e-6
 
 
-def test_a_robot_may_end_at_its_last_loaded_disk() -> None:
-    light = {
-        "segments.0.disks.mass": "0 g",
-        "segments.0.backbone.density": "0 kg/m^3",
-        "segments.0.disks.clamped_length": "2 mm",
-    }
-    whole = ROBOT.with_(light)
-    length = f"{float(whole.disks.station_m[4])!r} m"
-    cut = whole.with_({"segments.0.length": length, "segments.0.disks.count": 5})
-    assert np.allclose(cut.disks.station_m, whole.disks.station_m[:5], rtol=0, atol=1e-12)
-    force, moment = [8.0, -3.0, -5.0], [0.4, 0.6, 0.1]
-    rod = bs.RodModel(elements=4)
-    load = bs.Load(disk_forces=only(5, force), disk_moments=only(5, moment))
-    long = bs.solve(whole, [0, 0, 0], load=load, model=rod)
-    tip = bs.Load(tip_force=force, tip_moment=moment)
-    short = bs.solve(cut, [0, 0, 0], load=tip, model=rod)
-    assert long.converged and short.converged
-    assert long.stable is short.stable is None and "a dead moment has no" in long.message
-    assert np.abs(long.disk_positions[:5] - short.disk_positions).max() < 1e-9
-    assert np.linalg.norm(short.tip.position[:2]) > 0.1
-
-
 def test_histories_of_earlier_versions_have_no_loads_on_disks() -> None:
     bare = bs.solve(LAW, TENSIONS).history()
     assert bare is not None and bare["disk_forces_N"] == []
@@ -107,16 +85,6 @@ def test_the_internal_force_jumps_by_the_force_on_a_disk() -> None:
     by_module = force.reshape(9, -1, 3)
     beyond = np.cumsum(FORCES[::-1], axis=0)[::-1]
     assert np.abs(by_module - beyond[:, None]).max() < 1e-6
-
-
-def test_functions_and_tables_of_time_are_the_same_load() -> None:
-    functions = {name: lambda t, v=v: min(t / 0.2, 1.0) * v for name, v in BOTH.items()}
-    tables = {
-        "disk_forces": Table([0.0, 0.2], np.stack([0 * FORCES, FORCES])),
-        "disk_moments": ramp(MOMENTS, 0.2),
-    }
-    runs = [bs.simulate(ROBOT, TENSIONS, 0.5, load=bs.Load(**each)) for each in (functions, tables)]
-    assert np.abs(runs[0].tip_position - runs[1].tip_position).max() < 1e-5
 
 
 def test_a_start_under_loads_is_released() -> None:

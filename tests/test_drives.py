@@ -60,13 +60,9 @@ def test_angles_of_a_spool_are_commands() -> None:
     np.testing.assert_allclose(found.tip.position, wanted.tip.position, atol=1e-9)
 
 
-def test_tensions_have_neither() -> None:
-    tensions = [20.0, 0.0, 5.0]
-    one, other = (bs.solve(robot, tensions).tip.position for robot in (ROBOT, PLAIN))
+def test_solutions_and_linear_models_of_tensions_have_neither() -> None:
+    one, other = (bs.solve(robot, [20.0, 0.0, 5.0]).tip.position for robot in (ROBOT, PLAIN))
     assert one.tolist() == other.tolist()
-
-
-def test_a_linear_model_of_tensions_has_neither() -> None:
     one, other = (bs.linearise(robot, [20.0, 1.0, 5.0], modes=2) for robot in (ROBOT, PLAIN))
     assert one.frequency_hz.tolist() == other.frequency_hz.tolist()
     assert one.D.tolist() == other.D.tolist()
@@ -144,20 +140,15 @@ def test_tendons_without_tension_have_no_gain_of_their_own() -> None:
     np.testing.assert_allclose(found.robot.tendons.gain, 1.03, atol=1e-6)
 
 
-def test_a_gain_of_tensions_stays_outside() -> None:
+@pytest.mark.parametrize(("robot", "gain"), [(PLAIN, 1.05), (ROBOT, 1.0)])
+def test_a_gain_of_tensions_stays_outside(robot: bs.Robot, gain: float) -> None:
+    """And drives are left out of a fit to tensions."""
     tensions = np.random.default_rng(6).uniform(0.0, 30.0, (20, 3))
-    tips = bs.solve_batch(PLAIN, 1.05 * tensions).tip_position
-    found = fit(PLAIN, Data(points=tips, tensions=tensions), ["gain"], loss="linear")
-    assert found.outside_robot == {"gain": pytest.approx(1.05, abs=1e-5)}
-    assert found.robot.laws == ()
-
-
-def test_a_fit_to_tensions_leaves_the_drives_out() -> None:
-    tensions = np.random.default_rng(6).uniform(0.0, 30.0, (20, 3))
-    tips = bs.solve_batch(ROBOT, tensions).tip_position
-    found = fit(ROBOT, Data(points=tips, tensions=tensions), ["gain"], loss="linear")
-    assert found["gain"].value == pytest.approx(1.0, abs=1e-6)
-    assert found.robot.tendons.gain.tolist() == GAIN.tolist()
+    tips = bs.solve_batch(robot, gain * tensions).tip_position
+    found = fit(robot, Data(points=tips, tensions=tensions), ["gain"], loss="linear")
+    assert found["gain"].value == pytest.approx(gain, abs=1e-5)
+    assert found.outside_robot.keys() == {"gain"}
+    assert found.robot.laws == robot.laws and found.robot.hash == robot.hash
 
 
 @pytest.mark.parametrize(("factor", "start"), [(-1.0, 1.0), (1e-4, 9000.0)])
@@ -176,13 +167,6 @@ def test_fits_have_one_name_for_each(name: str) -> None:
     data = Data(points=np.zeros((8, 3)), displacements=np.zeros((8, 3)))
     with pytest.raises(InputError, match="there is no parameter"):
         fit(ROBOT, data, [name])
-
-
-def test_who_does_not_know_them_says_so() -> None:
-    with pytest.raises(InputError, match=r"have gain, which the C library .* set gain to 1"):
-        bs.compile_robot(ROBOT)
-    with pytest.raises(InputError, match="derivatives do not model"):
-        bs.displacement_jacobian(bs.solve(ROBOT, load=rows(COMMANDS[0])))
 
 
 def test_a_study_keeps_a_gain_of_both_kinds_of_commands() -> None:

@@ -18,24 +18,16 @@ from bowstring.dynamics.modal import modes
 from bowstring.dynamics.run_file import read_run
 from bowstring.dynamics.simulation import NoStart, RunInterrupted, simulate
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.model import with_tendons
 from objects import objects
 
 NAN = math.nan
-TENDONS = "segments.0.tendons."
 STIFF = bs.load_robot("amouri2019")
-ELASTIC = bs.load_robot(
-    "amouri2019",
-    {
-        TENDONS + "axial_stiffness": "20 kN",
-        TENDONS + "free_length": "300 mm",
-        TENDONS + "pretension": "5 N",
-        TENDONS + "spool_radius": "10 mm",
-    },
-)
-WITH_FRICTION = bs.load_robot("amouri2019", {TENDONS + "friction": 0.1})
+WIRE = {"axial_stiffness": 20e3, "free_length": 0.3, "pretension": 5.0, "spool_radius": 0.01}
+ELASTIC = with_tendons(STIFF, WIRE)
+WITH_FRICTION = with_tendons(STIFF, {"friction": 0.1})
+TOOL = {"mass": "50 g", "centre": "5 -10 30 mm", "inertia": "12 15 8 kg*mm^2"}
 RAO = bs.load_robot("rao2021")
-CRL = bs.load_robot("crl-ftdcr-v4")
-THREADS = {"stiff": STIFF, "elastic": ELASTIC, "friction": WITH_FRICTION}
 
 
 # -- motion ------------------------------------------------------------------------------------
@@ -53,16 +45,10 @@ THREADS = {"stiff": STIFF, "elastic": ELASTIC, "friction": WITH_FRICTION}
 def test_a_ramp_ends_in_the_equilibrium_of_its_displacements(
     robot: bs.Robot, displacements: list[float]
 ) -> None:
-    run = simulate(
-        robot,
-        duration=5.0,
-        load=bs.Load(displacements=ramp(displacements, 0.5)),
-        integrator=bs.Integrator(mass_damping=15.0, material_damping=2e-3),
-    ).raise_for_status()
+    steps = {"mass_damping": 15.0, "material_damping": 2e-3}
+    given = objects(displacements=ramp(displacements, 0.5), **steps)
+    run = simulate(robot, duration=5.0, **given).raise_for_status()
     rest = bs.solve(robot, load=bs.Load(displacements=displacements)).raise_for_status()
-    assert (
-        rest.tip is not None and rest.slack_lengths is not None and rest.displacements() is not None
-    )
     assert np.linalg.norm(run.tip_position[-1] - rest.tip.position) < 1e-6
     end = run.to_dataset().isel(time=-1)
     np.testing.assert_allclose(end.tension, rest.tensions, rtol=0, atol=1e-3)
@@ -73,13 +59,8 @@ def test_a_ramp_ends_in_the_equilibrium_of_its_displacements(
 def test_slack_lengths_equal_surplus_lengths() -> None:
     """At every output time, in a motion in which tendons become slack and taut."""
     for robot in (STIFF, ELASTIC):
-        displacements = [0.02, -0.01, -0.012]
-        run = simulate(
-            robot,
-            duration=0.6,
-            load=bs.Load(displacements=ramp(displacements, 0.1)),
-            integrator=bs.Integrator(mass_damping=1.0),
-        )
+        given = objects(displacements=ramp([0.02, -0.01, -0.012], 0.1), mass_damping=1.0)
+        run = simulate(robot, duration=0.6, **given)
         fields = run.raise_for_status().to_dataset()
         home = bs.solve(robot, load=bs.Load(displacements=[0, 0, 0])).tendon_lengths
         if robot is ELASTIC:
@@ -97,16 +78,11 @@ def test_slack_lengths_equal_surplus_lengths() -> None:
             np.testing.assert_allclose(surplus[taut], 0, atol=1e-10)
 
 
-@pytest.mark.parametrize("name", ["stiff", "elastic"])
-def test_energy_is_conserved_after_a_release(name: str) -> None:
+@pytest.mark.parametrize("robot", [STIFF, ELASTIC], ids=["stiff", "elastic"])
+def test_energy_is_conserved_after_a_release(robot: bs.Robot) -> None:
     """Without damping, between outputs: tendons that become taut dissipate energy."""
-    run = simulate(
-        THREADS[name],
-        duration=1.0,
-        load=bs.Load(displacements=[0.01, -0.02, -0.02]),
-        start=bs.Start(load=bs.Load(tip_force=[0.5, 0.3, 0.0])),
-        integrator=bs.Integrator(spectral_radius=1.0, dt=1e-3),
-    )
+    held = {"displacements": [0.01, -0.02, -0.02], "initial_tip_force": [0.5, 0.3, 0.0]}
+    run = simulate(robot, duration=1.0, **objects(**held, spectral_radius=1.0, dt=1e-3))
     fields = run.raise_for_status().to_dataset()
     size = float((fields.kinetic_energy + fields.elastic_energy).max())
     assert float(abs(fields.energy_balance).max()) < 1e-3 * size
@@ -116,9 +92,8 @@ def test_energy_is_conserved_after_a_release(name: str) -> None:
 
 def test_friction_dissipation_closes_the_energy_balance() -> None:
     course = Table([0, 1, 2], [[0, 0, 0], [40, 0, 0], [0, 0, 0]])
-    fields = simulate(
-        WITH_FRICTION, course, 2.0, integrator=bs.Integrator(spectral_radius=1.0, dt=2e-3)
-    ).to_dataset()
+    steps = bs.Integrator(spectral_radius=1.0, dt=2e-3)
+    fields = simulate(WITH_FRICTION, course, 2.0, integrator=steps).to_dataset()
     work = float(fields.work.max())
     assert float(abs(fields.energy_balance).max()) < 2e-3 * work
     assert np.diff(fields.dissipated_energy).min() > -1e-6 * work
@@ -128,13 +103,7 @@ def test_friction_dissipation_closes_the_energy_balance() -> None:
 def test_slow_load_and_unload_follow_the_path() -> None:
     """Tension up and down: the motion follows the hysteresis loop of statics."""
     course = Table([0, 10, 20], [[0, 0, 0], [40, 0, 0], [0, 0, 0]])
-    run = simulate(
-        WITH_FRICTION,
-        course,
-        20.0,
-        integrator=bs.Integrator(mass_damping=2.0),
-        output=bs.Output(every=0.25),
-    )
+    run = simulate(WITH_FRICTION, course, 20.0, **objects(mass_damping=2.0, every=0.25))
     path = bs.sweep(WITH_FRICTION, run.raise_for_status().to_dataset().tension.values)
     x, static = run.tip_position[:, 0], path.tip_position[:, 0]
     width = static[::-1] - static
@@ -161,17 +130,12 @@ def test_ideal_tendons_match_tension_control() -> None:
     Without numerical damping: only with it, and only under tensions alone, steps keep an imbalance.
 
     """
-    course = ramp([40, 0, 0], 0.2)
-    steps = {"dt": 2e-3, "spectral_radius": 1.0}
-    plain = simulate(STIFF, course, 0.5, **objects(**steps))
-    controlled = simulate(
-        STIFF,
-        course,
-        0.5,
-        **objects(
-            **steps,
-            initial_history=bs.solve(STIFF, load=bs.Load(displacements=[0, 0, 0])).history(),
-        ),
+    history = bs.solve(STIFF, load=bs.Load(displacements=[0, 0, 0])).history()
+    plain, controlled = (
+        simulate(
+            STIFF, ramp([40, 0, 0], 0.2), 0.5, **objects(dt=2e-3, spectral_radius=1.0, **start)
+        )
+        for start in ({}, {"initial_history": history})
     )
     np.testing.assert_allclose(controlled.tip_position, plain.tip_position, rtol=0, atol=1e-9)
 
@@ -184,33 +148,21 @@ def test_motor_angles_match_displacements() -> None:
     np.testing.assert_allclose(
         turned.to_dataset().tendon_displacement[-1], 0.01 * angles, rtol=0, atol=1e-15
     )
-    begun = simulate(
-        ELASTIC,
-        duration=0.01,
-        load=bs.Load(angles=angles),
-        start=bs.Start(load=bs.Load(angles=angles)),
-    )
+    begun = simulate(ELASTIC, duration=0.01, **objects(angles=angles, initial_angles=angles))
     assert begun.settings["initial_displacements_m"] == pytest.approx(0.01 * angles)
 
 
 @pytest.mark.parametrize("as_function", [False, True])
 def test_mixed_control_over_time(as_function: bool) -> None:
-    tensions = ramp([5, NAN, NAN], 0.1)
-    displacements = ramp([NAN, 0.002, NAN], 0.1)
-    angles = ramp([NAN, NAN, -0.1], 0.1)
+    rows = {
+        "tensions": [5, NAN, NAN],
+        "displacements": [NAN, 0.002, NAN],
+        "angles": [NAN, NAN, -0.1],
+    }
+    courses: dict[str, Any] = {name: ramp(row, 0.1) for name, row in rows.items()}
     if as_function:
-        courses = [
-            lambda t, c=course: c.at(t).tolist() for course in (tensions, displacements, angles)
-        ]
-    else:
-        courses = [tensions, displacements, angles]
-    run = simulate(
-        ELASTIC,
-        courses[0],
-        0.3,
-        load=bs.Load(displacements=courses[1], angles=courses[2]),
-        integrator=bs.Integrator(dt=1e-3),
-    )
+        courses = {k: lambda t, c=course: c.at(t).tolist() for k, course in courses.items()}
+    run = simulate(ELASTIC, duration=0.3, **objects(**courses, dt=1e-3))
     fields = run.raise_for_status().to_dataset()
     rise = np.clip(run.time / 0.1, 0, 1)
     np.testing.assert_allclose(fields.tension[1:, 0], 5 * rise[1:], rtol=0, atol=0.05)
@@ -222,60 +174,29 @@ def test_mixed_control_over_time(as_function: bool) -> None:
 
 
 def test_displacements_of_elastic_tendons_may_jump() -> None:
-    run = simulate(
-        ELASTIC, duration=0.1, load=bs.Load(displacements=step([0.004, -0.002, -0.002], 0.02))
-    )
+    moved = [0.004, -0.002, -0.002]
+    run = simulate(ELASTIC, duration=0.1, load=bs.Load(displacements=step(moved, 0.02)))
     assert run.converged and abs(run.tip_position[:3, 0]).max() < 1e-9
     assert run.tip_position[-1, 0] > 5e-3
-    back = simulate(
-        ELASTIC,
-        duration=0.1,
-        load=bs.Load(displacements=[0, 0, 0]),
-        start=bs.Start(load=bs.Load(displacements=[0.004, -0.002, -0.002])),
-    )
+    given = objects(displacements=[0, 0, 0], initial_displacements=moved)
+    back = simulate(ELASTIC, duration=0.1, **given)
     assert back.tip_position[0, 0] > back.tip_position[-1, 0] + 5e-3
-
-
-@pytest.mark.parametrize(("robot", "displacement"), [(RAO, 0.004), (CRL, 0.004)])
-def test_several_segments(robot: bs.Robot, displacement: float) -> None:
-    count = len(robot.tendons.end_disk)
-    displacements = np.full(count, -2 * displacement)
-    displacements[0] = displacement
-    run = simulate(
-        robot,
-        duration=0.3,
-        load=bs.Load(displacements=ramp(displacements, 0.2)),
-        integrator=bs.Integrator(mass_damping=1.0),
-        output=bs.Output(every=0.05),
-    )
-    fields = run.raise_for_status().to_dataset()
-    np.testing.assert_allclose(fields.tendon_displacement[-1], displacements, rtol=0, atol=1e-15)
-    assert float(fields.tension[:, 0].max()) > 0
-    size = float(abs(fields.work).max())
-    assert float(abs(fields.energy_balance).max()) < 2e-2 * size
 
 
 def test_modal_damping_includes_displacement_control_without_friction() -> None:
     """Taut tendons of constant length raise the slowest frequency and the modal damping."""
-    displacements = [0.004, -0.002, -0.002]
-    damped = simulate(
-        ELASTIC,
-        duration=0.01,
-        load=bs.Load(displacements=displacements),
-        integrator=bs.Integrator(modal_damping=0.05),
-    )
-    found = modes(ELASTIC, count=12, load=bs.Load(displacements=displacements)).frequency_hz
+    load, ratio = bs.Load(displacements=[0.004, -0.002, -0.002]), bs.Integrator(modal_damping=0.05)
+    damped = simulate(ELASTIC, duration=0.01, load=load, integrator=ratio)
+    found = modes(ELASTIC, count=12, load=load).frequency_hz
     slow, fast = 2 * math.pi * found[0], 2 * math.pi * found[found >= 2 * found[0]][0]
     mass, material = (damped.settings[k] for k in ("mass_damping_per_s", "material_damping_s"))
     for w in (slow, fast):
         assert mass / (2 * w) + material * w / 2 == pytest.approx(0.05, rel=1e-9)
-    alone = simulate(STIFF, [20, 0, 0], 0.01, integrator=bs.Integrator(modal_damping=0.05)).settings
-    with_friction = simulate(
-        WITH_FRICTION, [20, 0, 0], 0.01, integrator=bs.Integrator(modal_damping=0.05)
-    ).settings
-    assert with_friction["mass_damping_per_s"] == pytest.approx(
-        alone["mass_damping_per_s"], rel=1e-9
+    alone, with_friction = (
+        simulate(robot, [20, 0, 0], 0.01, integrator=ratio).settings["mass_damping_per_s"]
+        for robot in (STIFF, WITH_FRICTION)
     )
+    assert with_friction == pytest.approx(alone, rel=1e-9)
 
 
 # -- modes -------------------------------------------------------------------------------------
@@ -287,26 +208,19 @@ def test_modal_damping_includes_displacement_control_without_friction() -> None:
         (ELASTIC, {"displacements": [0.004, -0.002, -0.002]}),
         (STIFF, {"displacements": [0.012, -0.0065, -0.0065]}),  # two are slack
         (WITH_FRICTION, {"tensions": [20, 0, 0]}),
+        (STIFF, {"tensions": [40, 0, 0]}),
+        (STIFF.with_({"payloads": [TOOL]}), {"tensions": [0, 0, 0]}),
     ],
-    ids=["elastic", "two slack", "friction"],
+    ids=["elastic", "two slack", "friction", "tensions", "eccentric payload"],
 )
 def test_modes_match_free_oscillations(robot: bs.Robot, given: dict[str, Any]) -> None:
     """Released from forces with the shape of a mode, the robot oscillates at its frequency."""
     found = modes(robot, count=2, **objects(**given))
     rest = bs.solve(robot, **objects(**given)).disk_positions
+    steps = {"spectral_radius": 1.0, "dt": 1e-3, "every": 1e-3, "points": 2}
     for frequency, shape in zip(found.frequency_hz, found.displacement, strict=True):
-        run = simulate(
-            robot,
-            duration=6 / frequency,
-            **objects(
-                **given,
-                disk_forces=1e-2 * shape,
-                spectral_radius=1.0,
-                dt=1e-3,
-                every=1e-3,
-                points=2,
-            ),
-        )
+        held = objects(**given, disk_forces=1e-2 * shape, **steps)
+        run = simulate(robot, duration=6 / frequency, **held)
         moved = run.raise_for_status().to_dataset().disk_position.values - rest
         share = np.einsum("tni,ni->t", moved, shape)
         up = np.flatnonzero((share[:-1] < 0) & (share[1:] >= 0))
@@ -319,9 +233,8 @@ def test_constraints_raise_frequencies() -> None:
     """Tendons of constant length stiffen the robot, and so do those that stick in their holes."""
     tensions = [20, 12, 10]
     free = modes(STIFF, tensions).frequency_hz
-    pulled = modes(
-        STIFF, load=bs.Load(displacements=bs.solve(STIFF, tensions).displacements())
-    ).frequency_hz
+    held = bs.Load(displacements=bs.solve(STIFF, tensions).displacements())
+    pulled = modes(STIFF, load=held).frequency_hz
     stuck = modes(WITH_FRICTION, tensions).frequency_hz
     assert (pulled >= free * (1 - 1e-6)).all() and (stuck >= free * (1 - 1e-6)).all()
     assert pulled[0] > 1.3 * free[0] and stuck[0] > pulled[0]
@@ -402,10 +315,9 @@ def test_without_friction_all_spans_carry_the_tension() -> None:
     assert (fields.slack == 0).all() and float(fields.tendon_displacement[0]) > 0
 
 
-def test_runs_are_copied(tmp_path: Path) -> None:
-    run = simulate(
-        ELASTIC, duration=0.1, load=bs.Load(displacements=ramp([0.004, -0.002, -0.002], 0.05))
-    )
+def test_runs_are_copied() -> None:
+    load = bs.Load(displacements=ramp([0.004, -0.002, -0.002], 0.05))
+    run = simulate(ELASTIC, duration=0.1, load=load)
     again = pickle.loads(pickle.dumps(run))
     np.testing.assert_array_equal(
         again.to_dataset().tendon_displacement, run.to_dataset().tendon_displacement
@@ -420,12 +332,7 @@ def test_an_interrupted_run_keeps_its_displacements(tmp_path: Path) -> None:
         return [0.1 * t, -0.02, -0.02]
 
     with pytest.raises(RunInterrupted) as caught:
-        simulate(
-            STIFF,
-            duration=1.0,
-            load=bs.Load(displacements=stop),
-            output=bs.Output(path=tmp_path / "run.nc"),
-        )
+        simulate(STIFF, duration=1.0, **objects(displacements=stop, path=tmp_path / "run.nc"))
     read = read_run(tmp_path / "run.nc")
     assert read.attrs["status"] == "interrupted" and 0.03 < caught.value.run.end <= 0.05
     assert float(read.tendon_displacement[-1, 0]) == pytest.approx(0.1 * float(read.time[-1]))
@@ -433,12 +340,7 @@ def test_an_interrupted_run_keeps_its_displacements(tmp_path: Path) -> None:
 
 def test_displacement_functions_are_not_called_after_the_end() -> None:
     far = Table([0, 0.1, 50], [[0, 0, 0], [0.001, 0, 0], [0.7, 0, 0]])
-    run = simulate(
-        STIFF,
-        duration=0.1,
-        load=bs.Load(displacements=far),
-        integrator=bs.Integrator(mass_damping=5.0),
-    )
+    run = simulate(STIFF, duration=0.1, **objects(displacements=far, mass_damping=5.0))
     assert run.status == "converged"
     with pytest.raises(InputError, match="at 46 s, it must be less than the tendon's length"):
         simulate(STIFF, duration=46.0, load=bs.Load(displacements=far))
@@ -449,67 +351,37 @@ def test_displacement_functions_are_not_called_after_the_end() -> None:
 
 def test_conflicting_displacements() -> None:
     """Three tendons of an inextensible backbone."""
-    run = simulate(
-        STIFF,
-        duration=0.1,
-        load=bs.Load(displacements=ramp([0.03] * 3, 0.1)),
-        model=bs.RodModel("kirchhoff"),
-    )
+    held = objects(displacements=[0.03] * 3, theory="kirchhoff")
+    rising = objects(displacements=ramp([0.03] * 3, 0.1), theory="kirchhoff")
+    run = simulate(STIFF, duration=0.1, **rising)
     assert run.status == "step_failed"
     assert "run bowstring solve with the displacements of that time" in run.message
     # an extensible backbone follows for a while, until it buckles; the last state is as accurate as
     # before (slower motions may pass the buckling point, which rounding decides)
-    fields = simulate(
-        STIFF,
-        duration=0.3,
-        load=bs.Load(displacements=ramp([0.15] * 3, 0.3)),
-        output=bs.Output(every=0.005),
-    ).to_dataset()
+    given = objects(displacements=ramp([0.15] * 3, 0.3), every=0.005)
+    fields = simulate(STIFF, duration=0.3, **given).to_dataset()
     assert fields.attrs["status"] == "step_failed" and len(fields.time) > 3
     assert (fields.slack[:-1] == 0).all() and (fields.tension[1:-1] > 0).all()
     np.testing.assert_array_equal(
         fields.span_tension, np.repeat(fields.tension.values[:, None], 9, axis=1)
     )
     with pytest.raises(NoStart, match="no equilibrium to start from"):
-        simulate(
-            STIFF,
-            duration=0.1,
-            load=bs.Load(displacements=[0.03] * 3),
-            model=bs.RodModel("kirchhoff"),
-        )
+        simulate(STIFF, duration=0.1, **held)
     with pytest.raises(NoSolutionError, match="no stable equilibrium"):
-        modes(STIFF, load=bs.Load(displacements=[0.03] * 3), model=bs.RodModel("kirchhoff"))
+        modes(STIFF, **held)
 
 
 def test_a_displacement_jump_acts_at_once() -> None:
     """A jump is not spread over a step: the error decreases faster than the step."""
-    robot = bs.load_robot("amouri2019").with_(
-        {
-            "segments.0.tendons.axial_stiffness": "20 kN",
-            "segments.0.tendons.pretension": "20 N",
-        }
-    )
-    jump = bs.dynamics.step([0.004, -0.002, -0.002])
-    first = bs.simulate(
-        robot,
-        duration=1e-4,
-        load=bs.Load(displacements=jump),
-        integrator=bs.Integrator(dt=1e-4),
-        output=bs.Output(every=1e-4),
-    ).to_dataset()
+    robot = with_tendons(STIFF, {"axial_stiffness": 20e3, "pretension": 20.0})
+    jump = {"displacements": step([0.004, -0.002, -0.002])}
+    first = simulate(robot, duration=1e-4, **objects(**jump, dt=1e-4, every=1e-4)).to_dataset()
     stretch = 0.004 * 20e3 / 0.641
     assert float(first.tension[-1, 0]) == pytest.approx(20.0 + stretch, rel=0.05)
 
     def early(dt: float) -> np.ndarray:
-        run = bs.simulate(
-            robot,
-            duration=1e-3,
-            load=bs.Load(displacements=jump),
-            integrator=bs.Integrator(dt=dt),
-            output=bs.Output(every=1e-3, points=0),
-        )
-        assert run.converged
-        return run.tip_position[-1]
+        run = simulate(robot, duration=1e-3, **objects(**jump, dt=dt, every=1e-3, points=0))
+        return run.raise_for_status().tip_position[-1]
 
     limit = early(5e-6)
     coarse, fine = (np.linalg.norm(early(dt) - limit) for dt in (2e-4, 1e-4))
@@ -518,37 +390,19 @@ def test_a_displacement_jump_acts_at_once() -> None:
 
 def test_rounding_causes_no_jump_and_no_slip() -> None:
     times, displacements = [0.0, 0.1, 0.2, 0.3], [0.0, -0.02, -0.007, 0.0]
-    table = bs.dynamics.Table(times, np.array([displacements, np.zeros(4), np.zeros(4)]).T)
-    force = bs.dynamics.Table([0.0, 0.2, 0.2, 0.3], [[0, 0, 0], [0, 0, 0], [0.01, 0, 0], [0, 0, 0]])
-    run = bs.simulate(
-        bs.load_robot("amouri2019"),
-        duration=0.3,
-        load=bs.Load(displacements=table, tip_force=force),
-    )
-    assert run.converged
+    table = Table(times, np.array([displacements, np.zeros(4), np.zeros(4)]).T)
+    force = Table([0.0, 0.2, 0.2, 0.3], [[0, 0, 0], [0, 0, 0], [0.01, 0, 0], [0, 0, 0]])
+    assert simulate(STIFF, duration=0.3, **objects(displacements=table, tip_force=force)).converged
     # a displacement that rises and then stays does not reverse friction at the base hole
-    with_friction = bs.load_robot("amouri2019").with_(
-        {
-            "segments.0.tendons.axial_stiffness": "20 kN",
-            "segments.0.tendons.pretension": "5 N",
-            "segments.0.tendons.friction": 0.3,
-        }
-    )
+    sticky = with_tendons(STIFF, {"axial_stiffness": 20e3, "pretension": 5.0, "friction": 0.3})
     path = np.array([0.0, 0.001, 0.010, 0.010])
-    table = bs.dynamics.Table([0.0, 0.1, 0.5, 0.7], np.stack([path, -path / 2, -path / 2], axis=1))
-    run = bs.simulate(
-        with_friction,
-        duration=0.7,
-        load=bs.Load(displacements=table),
-        integrator=bs.Integrator(mass_damping=5.0),
-    )
+    table = Table([0.0, 0.1, 0.5, 0.7], np.stack([path, -path / 2, -path / 2], axis=1))
+    run = simulate(sticky, duration=0.7, **objects(displacements=table, mass_damping=5.0))
     data = run.to_dataset()
     ratio = (data.tension / data.span_tension.isel(disk=0)).sel(tendon=1).values
     assert run.converged and (ratio[-15:] > 1.0).all()
 
 
 def test_holes_without_bend_have_no_friction() -> None:
-    plain = bs.load_robot("amouri2019")
-    with_friction = plain.with_({"segments.0.tendons.friction": 0.1})
-    straight = bs.modes(with_friction, [10, 10, 10]).frequency_hz
-    np.testing.assert_allclose(straight, bs.modes(plain, [10, 10, 10]).frequency_hz, rtol=1e-6)
+    straight, plain = (modes(r, [10, 10, 10]).frequency_hz for r in (WITH_FRICTION, STIFF))
+    np.testing.assert_allclose(straight, plain, rtol=1e-6)

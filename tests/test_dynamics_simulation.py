@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 
 import bowstring as bs
-from bowstring.dynamics import modal, simulation
+from bowstring.dynamics import simulation
 from bowstring.dynamics.load_history import Table, ramp, step
 from bowstring.dynamics.modal import modes
 from bowstring.dynamics.run_file import RunFile, read_run
@@ -29,17 +29,28 @@ DATA = Path(
 ).resolve()
 
 
+TWO = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
+
+
 def tendon_1(newtons: float) -> list[float]:
     return [newtons, 0.0, 0.0]
+
+
+def released(
+    tension: float, duration: float, *, to: float = 0.0, robot: bs.Robot = ROBOT, **given: Any
+) -> bs.Run:
+    """The motion from rest under a tension of tendon 1 that changes at the start."""
+    start = {"initial_tensions": tendon_1(tension)}
+    run = simulate(robot, tendon_1(to), duration, **objects(**start, **given))
+    return run.raise_for_status()
 
 
 # -- motion ----------------------------------------------------------------------------------
 
 
 def test_ramp_matches_independent_engines() -> None:
-    run = simulate(
-        ROBOT, ramp(tendon_1(80), 1.0), 1.3, integrator=bs.Integrator(mass_damping=0.5, dt=1e-3)
-    )
+    steps = bs.Integrator(mass_damping=0.5, dt=1e-3)
+    run = simulate(ROBOT, ramp(tendon_1(80), 1.0), 1.3, integrator=steps)
     assert run.converged and run.end == 1.3
     x = run.tip_position[:, 0]
     # two independent engines agree within 0.16 mm on these
@@ -50,28 +61,12 @@ def test_ramp_matches_independent_engines() -> None:
 
 
 def test_default_settings_are_near_convergence() -> None:
-    run = simulate(ROBOT, ramp(tendon_1(80), 1.0), 2.0, integrator=bs.Integrator(mass_damping=0.5))
-    limit = simulate(
-        ROBOT,
-        ramp(tendon_1(80), 1.0),
-        2.0,
-        integrator=bs.Integrator(mass_damping=0.5, dt=2e-4, spectral_radius=1.0),
+    run, limit = (
+        simulate(ROBOT, ramp(tendon_1(80), 1.0), 2.0, **objects(mass_damping=0.5, **given))
+        for given in ({}, {"dt": 2e-4, "spectral_radius": 1.0})
     )
     error = np.linalg.norm(run.tip_position - limit.tip_position, axis=1)
     assert error.max() < 0.3e-3
-
-
-def test_slow_ramp_is_statics() -> None:
-    run = simulate(
-        ROBOT,
-        ramp(tendon_1(80), 40.0),
-        40.0,
-        integrator=bs.Integrator(modal_damping=0.05),
-        output=bs.Output(every=0.5),
-    )
-    static = bs.sweep(ROBOT, run.to_dataset().tension.values)
-    off = np.linalg.norm(run.tip_position - static.tip_position, axis=1)
-    assert 1e-6 < off.max() < 0.5e-3
 
 
 @pytest.mark.parametrize("case", [1, 2])
@@ -100,15 +95,9 @@ segments:
     )
     forces = np.zeros((6, 3))
     forces[2], forces[5] = middle, tip
-    run = simulate(
-        bs.load_robot(file),
-        [0.0, 0.0, 0.0],
-        float(time[-1]),
-        load=bs.Load(gravity=gravity.tolist()),
-        start=bs.Start(disk_forces=forces),
-        integrator=bs.Integrator(material_damping=lines[0][0], dt=1e-3),
-        output=bs.Output(every=0.005),
-    )
+    held = objects(gravity=gravity.tolist(), disk_forces=forces)
+    steps = objects(material_damping=lines[0][0], dt=1e-3, every=0.005)
+    run = simulate(bs.load_robot(file), [0.0, 0.0, 0.0], float(time[-1]), **held, **steps)
     error = np.linalg.norm(run.tip_position - expected, axis=1)
     rms = math.sqrt((error**2).mean())
     assert len(error) == 2001
@@ -120,13 +109,8 @@ segments:
 @pytest.mark.parametrize("dt", [None, 1e-2, 5e-2])
 def test_step_error_estimates_are_accurate(radius: float, dt: float | None) -> None:
     def moved(dt: float | None) -> Any:
-        return simulate(
-            ROBOT,
-            ramp(tendon_1(20), 0.1),
-            1.0,
-            integrator=bs.Integrator(mass_damping=0.5, spectral_radius=radius, dt=dt),
-            output=bs.Output(every=0.05, points=0),
-        )
+        steps = objects(mass_damping=0.5, spectral_radius=radius, dt=dt, every=0.05, points=0)
+        return simulate(ROBOT, ramp(tendon_1(20), 0.1), 1.0, **steps)
 
     run = moved(dt)
     off = np.linalg.norm(run.tip_position - moved(2e-4).tip_position, axis=1).max()
@@ -135,104 +119,44 @@ def test_step_error_estimates_are_accurate(radius: float, dt: float | None) -> N
 
 
 def test_one_step_has_no_error_estimate() -> None:
-    run = simulate(
-        ROBOT,
-        tendon_1(20),
-        0.01,
-        start=bs.Start(load=bs.Load(tensions=tendon_1(0))),
-        integrator=bs.Integrator(dt=1e-2),
-        output=bs.Output(points=0),
-    )
+    run = released(0.0, 0.01, to=20.0, dt=1e-2, points=0)
     assert run.steps == 1 and run.error_estimate is None
     assert "too few steps" in run.message
-    still = simulate(
-        ROBOT, tendon_1(0), 0.1, integrator=bs.Integrator(dt=1e-2), output=bs.Output(points=0)
-    )
-    assert still.error_estimate == 0.0
-    assert simulate(ROBOT, tendon_1(0), 0.0, output=bs.Output(points=0)).error_estimate == 0.0
+    for duration in (0.1, 0.0):
+        still = simulate(ROBOT, tendon_1(0), duration, **objects(dt=1e-2, points=0))
+        assert still.error_estimate == 0.0
 
 
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
 def test_energy_is_conserved_over_a_hundred_periods(theory: Any) -> None:
-    run = simulate(
-        ROBOT,
-        tendon_1(0),
-        44.0,
-        model=bs.RodModel(theory),
-        start=bs.Start(load=bs.Load(tensions=tendon_1(40))),
-        integrator=bs.Integrator(spectral_radius=1.0, dt=1e-3),
-        output=bs.Output(every=0.05, points=2),
-    )
-    data = run.raise_for_status().to_dataset()
+    steps = {"spectral_radius": 1.0, "dt": 1e-3, "every": 0.05, "points": 2}
+    run = released(40.0, 44.0, theory=theory, **steps)
+    data = run.to_dataset()
     assert float(abs(data.energy_balance).max()) < 1e-4 * float(data.elastic_energy[0])
     # and swings as far as before
     assert run.tip_position[-100:, 0].max() > 0.97 * run.tip_position[0, 0]
 
 
-def test_energy_is_kept_without_damping() -> None:
-    run = simulate(
-        ROBOT,
-        tendon_1(0),
-        2.0,
-        start=bs.Start(load=bs.Load(tensions=tendon_1(40))),
-        integrator=bs.Integrator(spectral_radius=1.0, dt=1e-3),
-    )
-    data = run.to_dataset()
-    assert abs(data.energy_balance).max() < 1e-3 * data.elastic_energy[0]
-    # and dissipated by numerical damping where it is requested
-    damped = simulate(
-        ROBOT,
-        tendon_1(0),
-        2.0,
-        start=bs.Start(load=bs.Load(tensions=tendon_1(40))),
-        integrator=bs.Integrator(spectral_radius=0.5, dt=5e-3),
-    ).to_dataset()
-    assert damped.energy_balance[-1] < -0.05 * damped.elastic_energy[0]
+def test_numerical_damping_dissipates_energy() -> None:
+    data = released(40.0, 2.0, spectral_radius=0.5, dt=5e-3).to_dataset()
+    assert data.energy_balance[-1] < -0.05 * data.elastic_energy[0]
 
 
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
 @pytest.mark.parametrize("dt", [1e-4, 5e-2])
 def test_release_never_fails(theory: Any, dt: float) -> None:
-    run = simulate(
-        ROBOT,
-        tendon_1(0),
-        min(1.0, 400 * dt),
-        model=bs.RodModel(theory),
-        start=bs.Start(load=bs.Load(tensions=tendon_1(40))),
-        integrator=bs.Integrator(spectral_radius=1.0, dt=dt),
-    )
-    assert run.converged
+    run = released(40.0, min(1.0, 400 * dt), theory=theory, spectral_radius=1.0, dt=dt)
     assert run.to_dataset().kinetic_energy.max() < 1.02 * run.to_dataset().elastic_energy[0]
 
 
 # -- fields ----------------------------------------------------------------------------------
 
 
-def test_static_stress_matches_the_internal_wrench() -> None:
-    data = bs.solve(ROBOT, tendon_1(80)).to_dataset()
-    diameter = 5e-3
-    area, inertia = math.pi * diameter**2 / 4, math.pi * diameter**4 / 64
-    moment, force = data.moment.values[0], data.force.values[0]
-    assert force[:, 2].max() < 0  # compression
-    bending = np.hypot(moment[:, 0], moment[:, 1]) * diameter / (2 * inertia)
-    sigma = bending + np.abs(force[:, 2]) / area
-    np.testing.assert_allclose(data.normal_stress.values[0], sigma, rtol=1e-9)
-    # von Mises by brute force around the surface
-    angle = np.linspace(0, 2 * np.pi, 200_001)
-    for i in (0, 7, 22, 44):
-        x, y = np.cos(angle) * diameter / 2, np.sin(angle) * diameter / 2
-        s = force[i, 2] / area + (moment[i, 0] * y - moment[i, 1] * x) / inertia
-        shear = 4 / (3 * area) * (force[i, 1] * np.cos(angle) - force[i, 0] * np.sin(angle))
-        t = moment[i, 2] * diameter / (4 * inertia) + shear
-        brute = np.sqrt(s**2 + 3 * t**2).max()
-        assert data.von_mises.values[0, i] == pytest.approx(brute, rel=1e-9)
-
-
 def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
     """Beyond the middle of a module, 80 N act along the span, at its distance."""
     model = bs.RodModel("kirchhoff", elements=4)
     data = bs.solve(ROBOT, tendon_1(80), model=model).to_dataset(points=3)
-    solution = bs.solve(ROBOT, tendon_1(80), model=bs.RodModel("kirchhoff", elements=4))
+    solution = bs.solve(ROBOT, tendon_1(80), model=model)
     positions, rotations = solution.disk_positions, solution.disk_rotations
     assert positions is not None and rotations is not None
     hole = np.array([0.029, 0.0, 0.0])
@@ -269,20 +193,21 @@ def test_dataset_and_tip_agree() -> None:
     np.testing.assert_allclose(between[:17], fine.tip_position[1:35:2], atol=2e-4)
 
 
+def test_a_backbone_beside_continuous_tendons_carries_their_tension() -> None:
+    model = bs.RodModel(tendon_path="continuous")
+    still = bs.solve(ROBOT, tendon_1(40), model=model).to_dataset()
+    np.testing.assert_allclose(still.force.values[0, :, 2], -40.0, rtol=1e-9)
+    straight = float(bs.solve(ROBOT, tendon_1(40)).to_dataset().von_mises_max[0])
+    assert float(still.von_mises_max[0]) == pytest.approx(straight, rel=0.03)
+
+
 @pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
 @pytest.mark.parametrize("dt", [1e-4, 3e-5, 1e-5, 1e-6])
 @pytest.mark.parametrize("tension", [5, 40, 80])
 def test_a_release_needs_few_iterations_at_short_steps(
     theory: Any, dt: float, tension: float
 ) -> None:
-    run = simulate(
-        ROBOT,
-        tendon_1(0),
-        5 * dt,
-        model=bs.RodModel(theory),
-        start=bs.Start(load=bs.Load(tensions=tendon_1(tension))),
-        integrator=bs.Integrator(dt=dt),
-    ).raise_for_status()
+    run = released(tension, 5 * dt, theory=theory, dt=dt)
     assert run.repeated == 0 and run.iterations <= 25
 
 
@@ -290,19 +215,11 @@ def test_a_release_needs_few_iterations_at_short_steps(
 @pytest.mark.parametrize(("start", "end"), [(40, 0), (0, 40), (10, 60)])
 def test_tensions_of_continuous_tendons_may_jump(dt: float, start: float, end: float) -> None:
     """They shorten it at once; mass gets no impulse from that, however short the step."""
-    run = simulate(
-        ROBOT,
-        tendon_1(end),
-        10 * dt,
-        model=bs.RodModel(tendon_path="continuous"),
-        start=bs.Start(load=bs.Load(tensions=tendon_1(start))),
-        integrator=bs.Integrator(dt=dt, spectral_radius=1.0),
-        output=bs.Output(every=dt),
-    ).raise_for_status()
+    steps = {"dt": dt, "spectral_radius": 1.0, "every": dt}
+    run = released(start, 10 * dt, to=end, tendon_path="continuous", **steps)
     data = run.to_dataset()
-    bent = bs.solve(
-        ROBOT, tendon_1(max(start, end)), model=bs.RodModel(tendon_path="continuous")
-    ).to_dataset()
+    model = bs.RodModel(tendon_path="continuous")
+    bent = bs.solve(ROBOT, tendon_1(max(start, end)), model=model).to_dataset()
     assert run.repeated == 0
     assert float(abs(data.energy_balance).max()) < 3e-4 * float(bent.elastic_energy[0])
     # slow at first: change of force over mass, times time
@@ -322,15 +239,8 @@ def test_a_violent_release_continues_after_cut_steps(
     name: str, tensions: list[float], dt: float, radius: float, theory: Any
 ) -> None:
     """Steps that are too long leave velocities that the strain cannot follow."""
-    robot = bs.load_robot(name)
-    run = simulate(
-        robot,
-        [0.0] * len(tensions),
-        0.03,
-        model=bs.RodModel(theory),
-        start=bs.Start(load=bs.Load(tensions=tensions)),
-        integrator=bs.Integrator(dt=dt, spectral_radius=radius),
-    ).raise_for_status()
+    given = objects(theory=theory, initial_tensions=tensions, dt=dt, spectral_radius=radius)
+    run = simulate(bs.load_robot(name), [0.0] * len(tensions), 0.03, **given).raise_for_status()
     data = run.to_dataset()
     energy = data.kinetic_energy + data.elastic_energy
     assert float(energy.max()) < 1.05 * float(energy[0])
@@ -539,41 +449,16 @@ def test_times_of_two_tables_may_differ_by_rounding(rises: bool, every: float) -
         times = [0, time, 0.5] if rises else [0, time, time, 0.5]
         displacements = Table([0, 0.3, 0.3, 0.5], [tendon_1(t) for t in (0, 5, 3, 0)])
         force = Table(times, [[x, 0, 0] for x in ((0, 0.1, 0) if rises else (0, 0.1, 0.3, 0))])
-        run = simulate(
-            ROBOT,
-            displacements,
-            0.6,
-            load=bs.Load(tip_force=force),
-            integrator=bs.Integrator(dt=5e-3),
-            output=bs.Output(every=every),
-        )
+        given = objects(tip_force=force, dt=5e-3, every=every)
+        run = simulate(ROBOT, displacements, 0.6, **given)
         assert run.raise_for_status().steps <= 125
         tips.append(run.tip_position)
     np.testing.assert_allclose(tips[1], tips[0], atol=1e-9)
 
 
-def test_tip_load_over_time() -> None:
-    run = simulate(
-        ROBOT,
-        tendon_1(0),
-        2.0,
-        load=bs.Load(tip_force=Table([0, 1.0], [[0, 0, 0], [0.2, 0, 0]])),
-        integrator=bs.Integrator(modal_damping=0.3),
-    )
-    still = bs.solve(ROBOT, tendon_1(0), load=bs.Load(tip_force=[0.2, 0, 0])).tip
-    assert still is not None
-    np.testing.assert_allclose(run.tip_position[-1], still.position, atol=2e-4)
-
-
 def test_modal_damping_gives_its_ratio() -> None:
     ratio = 0.02
-    run = simulate(
-        ROBOT,
-        tendon_1(0),
-        6.0,
-        start=bs.Start(load=bs.Load(tensions=tendon_1(2))),
-        integrator=bs.Integrator(modal_damping=ratio, dt=1e-3),
-    )
+    run = released(2.0, 6.0, modal_damping=ratio, dt=1e-3)
     x = run.tip_position[:, 0]
     peaks = [i for i in range(1, len(x) - 1) if x[i] > x[i - 1] and x[i] >= x[i + 1]]
     first, last = peaks[2], peaks[-1]
@@ -586,6 +471,7 @@ def test_modal_damping_gives_its_ratio() -> None:
 
 
 def test_modes_of_the_straight_robot() -> None:
+    assert repr(modes(ROBOT, count=2)) == "<Modes of amouri2019: 2.28, 2.28 Hz>"
     found = modes(ROBOT)
     f = found.frequency_hz
     assert f[[0, 2, 4]] == pytest.approx([2.2804, 14.250, 27.96], rel=1e-3)
@@ -616,33 +502,6 @@ segments:
     assert bending[[0, 2, 4]] == pytest.approx(exact, rel=2e-4)
 
 
-def test_modes_match_free_oscillations() -> None:
-    """A small free oscillation about a bent equilibrium has the rate of its mode."""
-    found = modes(ROBOT, tendon_1(40), count=4)
-    sideways = int(np.argmax(np.abs(found.displacement[:2, -1, 1])))
-    run = simulate(
-        ROBOT,
-        tendon_1(40),
-        4.0,
-        load=bs.Load(tip_force=[0.0, 0.0, 0.0]),
-        start=bs.Start(load=bs.Load(tensions=tendon_1(40), tip_force=[0.0, 0.002, 0.0])),
-        integrator=bs.Integrator(dt=1e-3, spectral_radius=0.9),
-    )
-    y = run.tip_position[:, 1]
-    sign = np.flatnonzero(np.diff(np.sign(y)) != 0)
-    crossing = [run.time[i] - y[i] * 0.01 / (y[i + 1] - y[i]) for i in sign]
-    rate = (len(crossing) - 1) / 2 / (crossing[-1] - crossing[0])
-    assert rate == pytest.approx(found.frequency_hz[sideways], rel=2e-3)
-
-
-def test_modes_need_mass_and_a_stable_equilibrium() -> None:
-    light = ROBOT.with_({"segments.0.disks.mass": 0.0, "segments.0.backbone.density": 0.0})
-    with pytest.raises(InputError, match="no mass"):
-        modes(light)
-    with pytest.raises(InputError, match="count"):
-        modes(ROBOT, count=0)
-
-
 # -- bad input -------------------------------------------------------------------------------
 
 
@@ -654,31 +513,21 @@ def test_whole_numbers_of_numpy_are_whole(tmp_path: Path) -> None:
 
 
 def test_errors_carry_their_status() -> None:
-    two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
     heavy = {"gravity": (0.0, 0.0, -981000.0)}
     for fails in (
-        lambda: simulate(two, tendon_1(4000), 1.0),
+        lambda: simulate(TWO, tendon_1(4000), 1.0),
         lambda: simulate(ROBOT, tendon_1(5), 0.1, **objects(**heavy)),
         lambda: modes(ROBOT, **objects(**heavy)),
     ):
-        with pytest.raises(NoSolutionError) as error:
+        with pytest.raises(NoSolutionError, match=r"no equilibrium|no stable") as error:
             fails()
         assert error.value.status == "no_equilibrium"
         assert pickle.loads(pickle.dumps(error.value)).status == "no_equilibrium"
-    run = simulate(two, ramp(tendon_1(4000), 0.1), 0.1)
-    with pytest.raises(NoSolutionError) as error:
-        run.raise_for_status()
-    assert error.value.status == run.status != "converged"
-    still = bs.solve(two, tendon_1(4000))
-    with pytest.raises(NoSolutionError) as error:
-        still.raise_for_status()
-    assert error.value.status == still.status
-
-
-def test_modes_are_unchanged() -> None:
-    assert bs.modes is modal.modes
-    assert bs.Modes is modal.Modes
-    assert repr(modes(ROBOT, count=2)) == "<Modes of amouri2019: 2.28, 2.28 Hz>"
+    run = simulate(TWO, ramp(tendon_1(4000), 0.1), 0.1)
+    for found in (run, bs.solve(TWO, tendon_1(4000))):
+        with pytest.raises(NoSolutionError) as error:
+            found.raise_for_status()
+        assert error.value.status == found.status != "converged"
 
 
 @pytest.mark.parametrize(
@@ -693,13 +542,7 @@ def test_modes_are_unchanged() -> None:
 )
 def test_bad_functions_stop_the_run_and_keep_it(function: Any, text: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=text) as error:
-        simulate(
-            ROBOT,
-            function,
-            0.1,
-            integrator=bs.Integrator(dt=1e-3),
-            output=bs.Output(path=tmp_path / "run.nc"),
-        )
+        simulate(ROBOT, function, 0.1, **objects(dt=1e-3, path=tmp_path / "run.nc"))
     assert "\n" not in str(error.value) and len(str(error.value)) < 400
     if (tmp_path / "run.nc").exists():
         data = read_run(tmp_path / "run.nc")
@@ -708,8 +551,7 @@ def test_bad_functions_stop_the_run_and_keep_it(function: Any, text: str, tmp_pa
 
 
 def test_a_failed_run_reports_time_and_reason() -> None:
-    two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
-    run = simulate(two, ramp(tendon_1(4000), 4.0), 4.0, integrator=bs.Integrator(mass_damping=5.0))
+    run = simulate(TWO, ramp(tendon_1(4000), 4.0), 4.0, integrator=bs.Integrator(mass_damping=5.0))
     assert run.status in ("collision", "step_failed")
     assert 0 < run.end < 4.0 and f"{run.end:.6g} s" in run.message
     assert np.isfinite(run.tip_position).all()
@@ -728,22 +570,6 @@ def test_function_with_a_ramp_that_ends_between_outputs() -> None:
         np.testing.assert_allclose(run.tip_position, plain.tip_position, atol=3e-4)
 
 
-@pytest.mark.parametrize("dt", [1e-4, 2e-3])
-def test_continuous_tendons_in_motion(dt: float) -> None:
-    arguments: dict[str, Any] = {"dt": dt, "tendon_path": "continuous", "spectral_radius": 1.0}
-    run = simulate(ROBOT, ramp(tendon_1(40), 0.1), 0.15, **objects(**arguments))
-    assert run.converged
-    data = run.to_dataset()
-    assert abs(data.energy_balance).max() < 1e-4 * float(data.work.max())
-    still = bs.solve(ROBOT, tendon_1(40), model=bs.RodModel(tendon_path="continuous")).to_dataset()
-    straight = bs.solve(ROBOT, tendon_1(40)).to_dataset()
-    # the backbone carries the tendon tension
-    np.testing.assert_allclose(still.force.values[0, :, 2], -40.0, rtol=1e-9)
-    assert float(still.von_mises_max[0]) == pytest.approx(
-        float(straight.von_mises_max[0]), rel=0.03
-    )
-
-
 def test_no_rest_above_the_euler_load() -> None:
     """Above its Euler load, a straight robot is unstable under an axial force."""
     forces = np.zeros((9, 3))
@@ -756,9 +582,8 @@ def test_a_run_that_cannot_start_keeps_the_former_file(tmp_path: Path) -> None:
     file = tmp_path / "run.nc"
     simulate(ROBOT, tendon_1(5), 0.1, output=bs.Output(path=file))
     before = file.read_bytes()
-    two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
     with pytest.raises(NoSolutionError):
-        simulate(two, tendon_1(4000), 1.0, output=bs.Output(path=file))
+        simulate(TWO, tendon_1(4000), 1.0, output=bs.Output(path=file))
     assert file.read_bytes() == before
 
 
@@ -815,32 +640,6 @@ def test_a_start_under_a_moment_is_found(theory: Any, count: int) -> None:
     start = bs.solve(robot, [0, 0, 0], **objects(**load)).raise_for_status().tip.position
     run = simulate(robot, [0, 0, 0], 0.02, **objects(**load, points=0)).raise_for_status()
     assert np.linalg.norm(run.tip_position - start, axis=1).max() < 1e-4 * robot.length
-
-
-@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
-def test_disk_forces_act_together_with_a_moment() -> None:
-    holding = np.zeros((9, 3))
-    holding[4, 0], holding[8, 1] = 2.0, 0.5
-    load: dict[str, Any] = {"tip_moment": [0.3, 0.6, 0.2], "points": 0}
-    run = simulate(ROBOT, tendon_1(10), 0.2, **objects(**load, disk_forces=holding))
-    at_rest = bs.solve(
-        ROBOT, tendon_1(10), load=bs.Load(tip_moment=load["tip_moment"])
-    ).tip.position
-    assert np.linalg.norm(run.tip_position[0] - at_rest) > 0.05  # until they are released
-    assert np.linalg.norm(run.tip_position[-1] - run.tip_position[0]) > 0.01
-    alone = np.zeros((9, 3))
-    alone[8] = [0.4, 0.5, 0.0]
-    held = simulate(ROBOT, tendon_1(10), 0.0, **objects(**load, disk_forces=alone))
-    same = bs.solve(
-        ROBOT, tendon_1(10), load=bs.Load(tip_force=alone[8], tip_moment=load["tip_moment"])
-    )
-    assert np.linalg.norm(held.tip_position[0] - same.tip.position) < 1e-5
-
-
-def test_no_equilibrium_to_start_from() -> None:
-    two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
-    with pytest.raises(NoSolutionError, match="no equilibrium to start from"):
-        simulate(two, tendon_1(4000), 1.0)
 
 
 @pytest.mark.parametrize("jump", [0.0, 0.02])

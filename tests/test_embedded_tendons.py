@@ -45,7 +45,7 @@ def test_embedded_tendons_are_the_limit_of_many_disks() -> None:
         }
         robot = bs.load_robot(TENTACLE, changes)
         # the same holes with straight spans between disks that the core takes as such
-        spans = bs._core.Robot(_with_straight_spans(robot))
+        spans = bs._core.Robot(_StraightSpans(robot))
         found = spans.solve(tensions, bs.Load(), bs.RodModel())
         gaps.append(np.linalg.norm(found.disk_positions[-1] - tip))
     assert gaps[0] / gaps[1] == pytest.approx(4.0, rel=0.25)
@@ -63,10 +63,6 @@ class _StraightSpans:
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._robot, name)
-
-
-def _with_straight_spans(robot: bs.Robot) -> _StraightSpans:
-    return _StraightSpans(robot)
 
 
 def test_bodies_and_disks_do_not_mix(tmp_path: Path) -> None:

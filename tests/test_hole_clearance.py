@@ -127,19 +127,6 @@ def test_a_displacement_holds_the_tension_that_took_it():
     assert (by_tension.displacements() > plain.displacements()).all()
 
 
-@pytest.mark.parametrize("field", ["hole_clearance", "mount_compliance"])
-def test_what_does_not_model_it_refuses_it(field):
-    robot = ROBOT.with_({f"{each}.{field}": 1e-5 for each in SEGMENTS})
-    for refused in (
-        lambda: bs.simulate(robot, [1.0] * 9, 0.1),
-        lambda: bs.inverse_kinematics(robot, [0.05, 0.0, 0.15]),
-        lambda: bs.compile_robot(robot),
-        lambda: bs.jacobians(bs.solve(robot, [1.0] * 9)),
-    ):
-        with pytest.raises(InputError, match=f"set {field} to 0"):
-            refused()
-
-
 def test_constant_curvature_is_told_that_it_has_no_effect():
     """All tendons of a segment lose the same displacement, which leaves their differences."""
     given = displacements(20, 1)

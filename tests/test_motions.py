@@ -119,20 +119,6 @@ def test_energy_is_kept_without_damping(robot: Any) -> None:
     assert abs(energy(state) - start).max() < 2e-3 * scale
 
 
-def test_a_damped_motion_comes_to_rest_where_statics_does(robot: Any) -> None:
-    motions = Motions(robot, 2, integrator=bs.Integrator(mass_damping=20.0))
-    motions.reset(tensions=[20, 20, 20])
-    tensions = [[40.0, 0, 0], [10, 25, 0]]
-    for _ in range(150):
-        state = motions.step(tensions)
-    model = bs.RodModel(elements=1)
-    for row, tip in zip(tensions, state.tip_position, strict=True):
-        expected = bs.solve(robot, row, model=model)
-        assert abs(tip - expected.tip.position).max() < 2e-4 * robot.length
-    assert abs(state.tip_velocity).max() < 1e-4
-    assert np.array_equal(state.tensions, tensions)
-
-
 def test_a_motion_does_not_depend_on_the_others(robot: Any) -> None:
     rows = np.random.default_rng(2).uniform(0, 80, (16, 11, 3))
     together = tips(Motions(robot, 11, integrator=DAMPED), rows)

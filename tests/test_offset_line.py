@@ -148,18 +148,6 @@ def test_dead_loads_and_followers(pair: Pair, points: list[bs.PointLoad]) -> Non
 
 
 @SECTIONS
-def test_displacement_control(pair: Pair, sections: list[bs.PointLoad]) -> None:
-    given: dict[str, Any] = {"gravity": GRAVITY, "point_loads": [DEAD, FOLLOWER, *sections]}
-    here, there = pair.load(displacements=[0.012, -0.02, -0.003], **given)
-    a = bs.solve(pair.plain, load=here, model=FINE)
-    b = bs.solve(pair.other, load=there, model=FINE)
-    pair.are_same(a, b, 10 * SAME)
-    assert (a.tensions > 0).sum() == 2 and a.tensions[1] == 0.0
-    again = bs.solve(pair.other, a.tensions, load=pair.load(**given)[1], model=FINE)
-    pair.are_same(a, again, 10 * SAME)
-
-
-@SECTIONS
 def test_friction_along_a_path(pair: Pair, sections: list[bs.PointLoad]) -> None:
     """Loading and unloading by displacements, then by tensions: each hysteresis is the same."""
     rough = Pair.of(pair.offset, friction=0.15)
@@ -225,36 +213,6 @@ def test_motions_without_and_with_damping(
     assert lost > 0.01 * scale if damping else lost == 0.0
 
 
-def test_columns_under_dead_and_follower_forces(pair: Pair) -> None:
-    """Along the axis: Euler's load pi^2 EI / (4 l^2), and near Beck's flutter load 20.05 EI / l^2.
-
-    Shear and extension change them by less than 1e-4.
-    """
-    unit = BENDING / LENGTH**2
-    euler, beck = np.pi**2 / 4 * unit, 20.05 * unit
-    dead = pair.load(tensions=[0, 0, 0], point_loads=[bs.PointLoad(force=[0, 0, -euler])])
-    factors = [
-        bs.critical_load(r, load=x, model=FINE)
-        for r, x in zip((pair.plain, pair.other), dead, strict=True)
-    ]
-    for found in factors:
-        assert found.kind == "bifurcation" and found.factor == pytest.approx(1.0, rel=2e-4)
-    assert factors[1].factor == pytest.approx(factors[0].factor, rel=1e-7)
-    # the mass of Beck's column is uniform, here it is in four disks
-    stable = []
-    for share in (0.5, 0.8, 1.2, 1.6):
-        push = bs.PointLoad(force=[0, 0, -share * beck], follower=True)
-        loads = pair.load(tensions=[0, 0, 0], point_loads=[push])
-        a, b = (
-            bs.solve(r, load=x, model=FINE)
-            for r, x in zip((pair.plain, pair.other), loads, strict=True)
-        )
-        pair.are_same(a, b)
-        assert a.stable is b.stable
-        stable.append(a.stable)
-    assert stable[0] is True and stable[-1] is False
-
-
 @pytest.mark.parametrize("at", [{}, {"arc_length": 0.37}])
 def test_a_branch_diagram(pair: Pair, at: dict[str, float]) -> None:
     """Buckling under a dead force, with a small transverse one: all equilibria are the same."""
@@ -281,41 +239,3 @@ def test_a_branch_diagram(pair: Pair, at: dict[str, float]) -> None:
     events = [sorted((e.kind, e.factor) for _, e in found.events) for found in (a, b)]
     assert [kind for kind, _ in events[0]] == [kind for kind, _ in events[1]] == ["limit_point"]
     assert events[1][0][1] == pytest.approx(events[0][0][1], rel=1e-5)
-
-
-@SECTIONS
-def test_batches_and_sweeps(pair: Pair, sections: list[bs.PointLoad]) -> None:
-    tensions = np.random.default_rng(4).uniform(0.0, 8.0, (60, 3))
-    loads = pair.load(gravity=GRAVITY, point_loads=[DEAD, FOLLOWER, *sections])
-    a = bs.solve_batch(pair.plain, tensions, load=loads[0], model=FINE)
-    assert a.converged.all()
-    for solve in (bs.solve_batch, bs.sweep):
-        b = solve(pair.other, tensions, load=loads[1], model=FINE)
-        assert b.converged.all() and b.stable == a.stable
-        assert np.abs(a.tip_position - pair.axis(b.tip_position, b.tip_rotation)).max() < 4 * SAME
-        assert np.abs(a.tendon_lengths - b.tendon_lengths).max() < SAME
-
-
-@SECTIONS
-def test_derivatives_by_loads_and_stiffness(pair: Pair, sections: list[bs.PointLoad]) -> None:
-    points = [bs.PointLoad(1, DEAD.force, point=DEAD.point), bs.PointLoad(force=[0.1, -0.2, 0.3])]
-    points += sections
-    loads = pair.load(tensions=TENSIONS, gravity=GRAVITY, point_loads=points)
-    a, b = (
-        bs.solve(r, load=x, model=FINE)
-        for r, x in zip((pair.plain, pair.other), loads, strict=True)
-    )
-    first, second = bs.jacobians(a), bs.jacobians(b)
-    arm = b.tip.rotation @ pair.offset
-    for name in ("tension", "tip_moment", "stiffness"):
-        turned = getattr(second, f"tip_rotation_by_{name}")
-        moved = getattr(second, f"tip_position_by_{name}") - np.cross(turned, arm, axis=0)
-        for found, expected in (
-            (turned, getattr(first, f"tip_rotation_by_{name}")),
-            (moved, getattr(first, f"tip_position_by_{name}")),
-            (
-                getattr(second, f"lengths_by_{name}"),
-                getattr(first, f"lengths_by_{name}"),
-            ),
-        ):
-            np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())

@@ -25,6 +25,7 @@ from bowstring.dynamics import ramp
 from bowstring.robot.designs import Designs
 from bowstring.robot.writer import to_yaml
 from bowstring.statics.design_sweeps import sweep_designs
+from objects import coupled_stiffness
 from shell import Shell
 
 Floats = NDArray[np.float64]
@@ -67,18 +68,6 @@ def changed(*changes: Values, design: Mapping[str, Any], **more: Any) -> Row:
     return Row(bs.load_robot("amouri2019", together), design, **more)
 
 
-def coupled(seed: int, share: float) -> list[list[float]]:
-    """Random stiffness matrix with couplings of a share of the largest possible."""
-    rows = np.random.default_rng(seed).uniform(-1.0, 1.0, (9, 6))
-    product = rows.T @ rows
-    cosine = product / np.sqrt(np.outer(product.diagonal(), product.diagonal()))
-    size = np.sqrt([0.06, 0.09, 0.05, 900.0, 900.0, 1500.0])
-    found: list[list[float]] = np.asarray(
-        np.outer(size, size) * (share * cosine + (1.0 - share) * np.eye(6))
-    ).tolist()
-    return found
-
-
 def segments(*backbones: Values, tendons: Any) -> bs.Robot:
     """A robot of segments of 0.3 m with these backbones, of disks of 10 g."""
     disks = {"count": 4, "mass": "10 g", "radius": "25 mm", "thickness": "2 mm"}
@@ -91,7 +80,8 @@ def segments(*backbones: Values, tendons: Any) -> bs.Robot:
     )
 
 
-MATRIX = {"stiffness": coupled(7, 0.8), "mass_per_length": "30 g/m", "rotary_inertia": "0.05 g*mm"}
+MATRIX = {"stiffness": coupled_stiffness(7, 0.8).tolist(), "mass_per_length": "30 g/m"}
+MATRIX["rotary_inertia"] = "0.05 g*mm"
 ROUND = {"diameter": "6 mm", "E": "2 GPa", "nu": 0.3, "density": "1800 kg/m^3"}
 RING = {"count": 3, "pitch_radius": "20 mm"}
 E = "segments.0.backbone.E"

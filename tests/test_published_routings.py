@@ -7,9 +7,10 @@ Published, by the authors' code for the paper (TIMClab-CAMI, ``tendons.m``, ``ma
 loads of its five scenarios): length, material, routing and tensions. It has one formula for the
 shear modulus, ``E (1 + nu) / 2``, which is not that of an isotropic material; its value is taken as
 it is. Not published there: positions of the tip, only the distances between the authors' two
-solutions. The tips here are computed in this file from the equations of Rucker and Webster (2011),
-but in another form than in that code: a cut through rod and tendons carries no more than the weight
-beyond it, so that its force is known, its moment is integrated, and the strain follows from both.
+solutions. The tips here are computed by `shooting.py` from the equations of Rucker and Webster
+(2011), but in another form than in that code: a cut through rod and tendons carries no more than
+the weight beyond it, so that its force is known, its moment is integrated, and the strain follows
+from both.
 """
 
 from __future__ import annotations
@@ -22,11 +23,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import root
 
 import bowstring as bs
 from bowstring import _core
+from shooting import tip_of
 
 Array = NDArray[np.float64]
 
@@ -100,77 +100,13 @@ ROUTINGS = {
 }
 
 
-def skew(v: Array) -> Array:
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
-def strain(force: Array, moment: Array, holes: Array, tensions: Array) -> tuple[Array, Array]:
-    """Curvature and stretch that balance the wrench of a cut, in its own axes."""
-    arms = np.pad(holes[:, :2], ((0, 0), (0, 1)))
-    changes = np.pad(holes[:, 2:], ((0, 0), (0, 1)))
-    start = np.array([0.0, 0.0, 1.0])
-    scale = np.concatenate([BENDING, STRETCHING])
-
-    def balance(x: Array) -> tuple[Array, Array]:
-        bend, stretch = x[:3], x[3:] + start
-        rates = stretch + np.cross(bend, arms) + changes
-        size = np.linalg.norm(rates, axis=1)
-        along = rates / size[:, None]
-        pulls = tensions[:, None] * along
-        residual = np.concatenate(
-            [
-                BENDING * bend + np.cross(arms, pulls).sum(axis=0) - moment,
-                STRETCHING * x[3:] + pulls.sum(axis=0) - force,
-            ]
-        )
-        slope = np.diag(scale)
-        for tension, arm, t, length in zip(tensions, arms, along, size, strict=True):
-            across = tension / length * (np.eye(3) - np.outer(t, t))
-            lever = skew(arm)
-            slope[3:, 3:] += across
-            slope[3:, :3] -= across @ lever
-            slope[:3, 3:] += lever @ across
-            slope[:3, :3] -= lever @ across @ lever
-        return residual, slope
-
-    x = np.zeros(6)
-    for _ in range(30):
-        residual, slope = balance(x)
-        change = np.linalg.solve(slope, residual)
-        x -= change
-        if np.abs(change).max() < 1e-12:
-            return x[:3], x[3:] + start
-    raise AssertionError("no strain balances the wrench")
-
-
 def shot(routing: Routing, tensions: Array) -> Array:
-    """Tip, found by the moment at the base for which nothing is left at the tip."""
-    length = routing.ends[-1]
-    starts = (0.0, *routing.ends[:-1])
+    def holes(segment: int, s: float) -> tuple[Array, Array]:
+        rows = np.pad(routing.holes(segment, s).reshape(-1, 2, 2), ((0, 0), (0, 0), (0, 1)))
+        return rows[:, 0], rows[:, 1]
 
-    def rate(s: float, state: Array, segment: int) -> Array:
-        frame, moment = state[3:12].reshape(3, 3), state[12:]
-        force = WEIGHT * (length - s)
-        passing = tensions[segment * routing.per_segment :]
-        bend, stretch = strain(
-            frame.T @ force, frame.T @ moment, routing.holes(segment, s), passing
-        )
-        along = frame @ stretch
-        turning = frame @ skew(bend)
-        return np.concatenate([along, turning.ravel(), -np.cross(along, force)])
-
-    def end(moment: Array) -> Array:
-        state = np.concatenate([np.zeros(3), np.eye(3).ravel(), moment])
-        for segment, span in enumerate(zip(starts, routing.ends, strict=True)):
-            found = solve_ivp(rate, span, state, "DOP853", args=(segment,), rtol=1e-9, atol=1e-11)
-            state = found.y[:, -1]
-        return state
-
-    found = root(lambda moment: end(moment)[12:], np.zeros(3), tol=1e-10)
-    left = end(found.x)
-    assert np.abs(left[12:]).max() < 1e-8
-    return left[:3]
+    stiffness, length = np.concatenate([BENDING, STRETCHING]), routing.ends[-1]
+    return tip_of(stiffness, routing.ends, holes, tensions, lambda s: WEIGHT * (length - s))
 
 
 def solved(routing: Routing, tensions: Array, disks: int, *, continuous: bool) -> Array:

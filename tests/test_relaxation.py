@@ -11,6 +11,9 @@ import pytest
 import bowstring as bs
 from bowstring.calibration import Data, fit
 from bowstring.errors import InputError
+from bowstring.study.actuation_budget import actuation_budget
+from bowstring.study.comparison import Model
+from stages import law_rows
 
 SHARE, TIME = 0.3, 20.0
 RELAXES = {
@@ -250,54 +253,26 @@ def test_time_in_a_row_without_a_solution_passes():
     assert found.tip_position[2] == pytest.approx(without.tip_position[1], abs=1e-9)
 
 
-def test_fit_finds_relaxation_and_its_time():
-    truth = ELASTIC.with_(
-        {"segments.0.backbone.relaxation": 0.2, "segments.0.backbone.relaxation_time": 15.0}
-    )
-    size = np.repeat([10.0, 40.0, 5.0, 30.0, 0.0], 12)
-    tensions = np.concatenate([np.outer(size, row) for row in np.eye(3)])
-    times = 2.0 * np.arange(len(tensions))
-    noise = np.random.default_rng(1).normal(0.0, 1e-4, (len(tensions), 3))
-    tips = bs.sweep(truth, tensions, times=times).tip_position + noise  # synthetic
-    data = Data(points=tips, tensions=tensions, time=times)
-    start = {"segments.0.backbone.relaxation": 0.1, "segments.0.backbone.relaxation_time": 30.0}
-    names = ["segments.0.backbone.relaxation", "segments.0.backbone.relaxation_time"]
-    found = fit(ELASTIC.with_(start), data, [*names, "segments.0.backbone.E"], loss="linear")
-    assert found.converged
-    for estimate, exact in zip(found.estimates, [0.2, 15.0, 35e9], strict=True):
-        exact = exact / 1e9 if estimate.unit == "GPa" else exact
-        assert abs(estimate.value - exact) < 3.5 * estimate.standard_error
-        assert estimate.standard_error < 0.05 * exact
-    without = Data(points=tips, tensions=tensions)
-    with pytest.raises(InputError, match="relaxation or creep needs the time of each row"):
-        fit(ELASTIC.with_(start), without, names)
-
-
 @pytest.mark.parametrize(
     ("time", "says"),
     [
         (["now"] * 20, r"time must be \(20,\) numbers in s"),
         ([*range(19), np.nan], "needs the time of each row, and row 20 has none"),
-        (None, "the measurements have none"),
+        (None, "relaxation or creep needs the time of each row, and the measurements have none"),
     ],
 )
 def test_a_fit_names_missing_times(time, says):
     tensions = np.outer(np.linspace(0.0, 40.0, 20), [1.0, 0.0, 0.0])
-    robot = bs.load_robot("amouri2019")
-    tips = bs.sweep(robot, tensions).tip_position
+    tips = bs.sweep(ELASTIC, tensions).tip_position
     data = Data(points=tips, tensions=tensions, time=time)
     name = "segments.0.backbone.relaxation"
     with pytest.raises(InputError, match=says):
-        fit(robot, data, ["segments.0.backbone.E", name], start={name: 0.1})
+        fit(ELASTIC, data, ["segments.0.backbone.E", name], start={name: 0.1})
 
 
 def test_the_error_budget_has_rows_of_relaxation_and_creep():
-    from bowstring.study.actuation_budget import actuation_budget
-    from bowstring.study.comparison import Model
-
     tension = np.linspace(0.0, 60.0, 5)
-    plain = bs.load_robot("amouri2019")
-    lasting = plain.with_(
+    lasting = ELASTIC.with_(
         {
             "segments.0.backbone.relaxation": 0.2,
             "segments.0.backbone.relaxation_time": "30 s",
@@ -305,25 +280,18 @@ def test_the_error_budget_has_rows_of_relaxation_and_creep():
             "segments.0.tendons.creep_time": "100 s",
         }
     )
-
-    def budget(robot):
-        model = Model(robot, 0, "cosserat")
-        return actuation_budget(model, tension, model.case(model.main, tension))
-
-    found, elastic = budget(lasting), budget(plain)
-    rows = {row.effect: row for row in found.rows}
-    assert list(rows) == [*(row.effect for row in elastic.rows), "relaxation", "creep"]
-    for row in elastic.rows:
-        assert rows[row.effect].moved == pytest.approx(row.moved, rel=1e-9)
+    found, rows = law_rows(lasting, ELASTIC)
+    assert list(rows)[-2:] == ["relaxation", "creep"]
     # once at rest the backbone bends as one of 0.8 of the stiffness does at once
-    soft = plain.with_({"segments.0.backbone.E": 0.8 * plain.segments[0].backbone.young})
+    soft = ELASTIC.with_({"segments.0.backbone.E": 0.8 * ELASTIC.segments[0].backbone.young})
     at_rest = bs.sweep(soft, np.outer(tension, [1.0, 0.0, 0.0])).tip_position
     tip = rows["relaxation"].case.tip_position
     assert abs(tip - at_rest).max() < 0.01 * rows["relaxation"].moved
     assert rows["relaxation"].moved > 5e-3
     # once at rest the tendons give as those of that compliance do at once
     crept = rows["creep"].case.tip_position
-    with_compliance = budget(plain.with_({"segments.0.tendons.compliance": "0.01 mm/N"}))
+    model = Model(ELASTIC.with_({"segments.0.tendons.compliance": "0.01 mm/N"}), 0, "cosserat")
+    with_compliance = actuation_budget(model, tension, model.case(model.main, tension))
     elastic_tip = with_compliance.row("tendon_elasticity").case.tip_position
     np.testing.assert_allclose(crept, elastic_tip, atol=1e-6)
     assert rows["creep"].moved > 1e-4

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 
 import jsonschema
@@ -157,6 +158,7 @@ def test_stiffness_of_rod_and_tube(load):
     assert rod.axial_stiffness == pytest.approx([35e9 * area])
     assert rod.shear_stiffness == pytest.approx([35e9 / 2.6 * area])
     assert rod.mass_per_length == pytest.approx([1800 * area])
+    assert rod.rotary_inertia == pytest.approx([1800 * second_moment])
 
     tube = rod.with_(
         {"segments.0.backbone.inner_diameter": "3 mm", "segments.0.backbone.G": "10 GPa"}
@@ -234,16 +236,6 @@ def arrays(robot):
     return {array: getattr(robot.tendons, array).tolist() for _, _, array, _ in DRIVE.values()}
 
 
-@pytest.mark.parametrize("name", robot_names())
-def test_tendons_are_ideal_by_default(name):
-    robot = load_robot(name)
-    count = len(robot.tendons.segment)
-    for _, _, array, absent in DRIVE.values():
-        np.testing.assert_array_equal(getattr(robot.tendons, array), [absent] * count)
-    for tendon in robot.segments[0].tendon_list:
-        assert (tendon.axial_stiffness, tendon.spool_radius) == (None, None)
-
-
 def test_a_ring_sets_all_of_its_tendons(load):
     robot = load(changed(RING, f"{{count: 3, pitch_radius: 12 mm, {DRIVEN}}}"))
     assert arrays(robot) == {array: [value] * 3 for _, value, array, _ in DRIVE.values()}
@@ -275,27 +267,6 @@ def test_each_tendon_of_a_list_has_its_own_properties(load):
     assert both.tendons.axial_stiffness_N.tolist() == [20e3] + [math.inf] * 4
 
 
-@pytest.mark.parametrize(
-    ("field", "text", "value"),
-    [
-        ("axial_stiffness", "20000 N", 20e3),
-        ("axial_stiffness", "0.02 MN", 20e3),
-        ("free_length", "0 mm", 0.0),
-        ("compliance", "10 um/N", 1e-5),
-        ("compliance", "10 m/MN", 1e-5),
-        ("compliance", "0 m/N", 0.0),
-        ("friction", "0", 0.0),
-        ("friction", ".25", 0.25),
-        ("pretension", "500 mN", 0.5),
-        ("pretension", "0 N", 0.0),
-        ("spool_radius", "1 cm", 0.01),
-    ],
-)
-def test_units_of_tendon_properties(load, field, text, value):
-    robot = load(changed(RING, f"{{count: 3, pitch_radius: 12 mm, {field}: {text}}}"))
-    assert getattr(robot.tendons, DRIVE[field][2]).tolist() == [value] * 3
-
-
 def test_overrides_of_tendon_properties():
     robot = load_robot("amouri2019")
     by_text = robot.with_({f"segments.0.tendons.{name}": v[0] for name, v in DRIVE.items()})
@@ -307,41 +278,18 @@ def test_overrides_of_tendon_properties():
     assert one.tendons.friction.tolist() == [0, 0, 0, 0, 0, 0.3]
 
 
-def test_tendon_properties_enter_the_hash_if_not_ideal():
-    robot = load_robot("amouri2019")
-    hashes = {robot.hash}
-    for name, (_, value, _, absent) in DRIVE.items():
-        hashes.add(robot.with_({f"segments.0.tendons.{name}": value}).hash)
-        if absent == 0:
-            same = robot.with_({f"segments.0.tendons.{name}": -0.0})
-            assert same.hash == robot.hash  # the hash from before there were tendon properties
-    assert len(hashes) == 1 + len(DRIVE)
-
-
 @pytest.mark.parametrize("form", ["ring", "list"])
 @pytest.mark.parametrize(
     ("field", "text", "problem"),
     [
-        ("axial_stiffness", "-1 N", 'got "-1 N"; must lie between 1 mN and 1e12 N'),
         ("axial_stiffness", "0 N", 'got "0 N"; must lie between 1 mN and 1e12 N'),
-        ("axial_stiffness", "1e13 N", 'got "1e13 N"; must lie between 1 mN and 1e12 N'),
         ("axial_stiffness", "20000", 'got 20000 without a unit; write for example "20 kN"'),
         (
             "axial_stiffness",
             "35 GPa",
             'got "35 GPa"; "GPa" is not a unit of force; write for example "20 kN"',
         ),
-        (
-            "axial_stiffness",
-            ".inf",
-            'got ".inf", which is not a number with a unit; write for example "20 kN"',
-        ),
         ("free_length", "-1 mm", 'got "-1 mm"; must lie between 0 mm and 1 km'),
-        (
-            "free_length",
-            "nan mm",
-            'got "nan mm", which is not a number with a unit; write for example "300 mm"',
-        ),
         ("compliance", "-1 mm/N", 'got "-1 mm/N"; must lie between 0 m/N and 1000 m/N'),
         ("compliance", "0", 'got 0 without a unit; write for example "0.01 mm/N"'),
         (
@@ -350,27 +298,16 @@ def test_tendon_properties_enter_the_hash_if_not_ideal():
             'got "5 N/mm"; "N/mm" is not a unit of compliance; write for example "0.01 mm/N"',
         ),
         ("friction", "-0.1", "got -0.1; must lie between 0 and 10"),
-        ("friction", "11", "got 11; must lie between 0 and 10"),
         ("friction", "1e999", "got 1e999; must lie between 0 and 10"),
         ("friction", "nan", 'got "nan", which is not a number; write for example 0.1'),
-        ("friction", ".inf", 'got ".inf", which is not a number; write for example 0.1'),
-        ("friction", "dry", 'got "dry", which is not a number; write for example 0.1'),
         (
             "friction",
             "10 %",
             'got "10 %"; this is a plain number without a unit; write for example 0.1',
         ),
         ("friction", "", "got nothing, which is not a number; write for example 0.1"),
-        ("friction", "[0.1]", "got a list of 1; write for example 0.1"),
         ("pretension", "-1 N", 'got "-1 N"; must lie between 0 N and 1e9 N'),
-        ("pretension", "2 kg", 'got "2 kg"; "kg" is not a unit of force; write for example "2 N"'),
         ("spool_radius", "0 mm", 'got "0 mm"; must lie between 1 um and 100 m'),
-        ("spool_radius", "-5 mm", 'got "-5 mm"; must lie between 1 um and 100 m'),
-        (
-            "spool_radius",
-            "30 deg",
-            'got "30 deg"; "deg" is not a unit of length; write for example "10 mm"',
-        ),
     ],
 )
 def test_invalid_tendon_properties_are_named(refuse, form, field, text, problem):
@@ -381,15 +318,6 @@ def test_invalid_tendon_properties_are_named(refuse, form, field, text, problem)
         bad = f"{{angle: 90 deg, pitch_radius: 12 mm, {field}: {text}}}"
         tendons, where = f"[{good}, {bad}]", "tendons[1]"
     assert refuse(changed(RING, tendons)) == f"segments[0].{where}.{field}: {problem}."
-
-
-@pytest.mark.parametrize("field", DRIVE)
-@pytest.mark.parametrize("value", [-1e-9, math.nan, math.inf, -math.inf, True, 10**400])
-def test_invalid_tendon_properties_from_python(field, value):
-    with pytest.raises(InputError) as caught:
-        load_robot("amouri2019").with_({f"segments.0.tendons.{field}": value})
-    text = str(caught.value)
-    assert text.startswith(f"amouri2019: segments[0].tendons.{field}: got ") and "\n" not in text
 
 
 # --- units ----------------------------------------------------------------------------
@@ -403,26 +331,23 @@ def test_own_table_of_units_agrees_with_pint(si):
 
 
 @pytest.mark.parametrize(
-    ("text", "metres"),
-    [
-        ("641 mm", 0.641),
-        ("641mm", 0.641),
-        ("  64.1   cm ", 0.641),
-        ("0.641 m", 0.641),
-        ("6.41e2 mm", 0.641),
-        ("+641000 µm", 0.641),
-        ("641000 um", 0.641),
-        ("25 inch", 0.635),
-        ("2 ft", 0.6096),
-    ],
-)
-def test_lengths(load, text, metres):
-    assert load(changed("200 mm", f'"{text}"')).length == pytest.approx(metres, rel=1e-15)
-
-
-@pytest.mark.parametrize(
     ("field", "text", "value"),
     [
+        ("length", "641 mm", 0.641),
+        ("length", "641mm", 0.641),
+        ("length", "  64.1   cm ", 0.641),
+        ("length", "0.641 m", 0.641),
+        ("length", "6.41e2 mm", 0.641),
+        ("length", "+641000 µm", 0.641),
+        ("length", "641000 um", 0.641),
+        ("length", "25 inch", 0.635),
+        ("length", "2 ft", 0.6096),
+        ("tendons.axial_stiffness", "0.02 MN", 20e3),
+        ("tendons.free_length", "0 mm", 0.0),
+        ("tendons.compliance", "10 um/N", 1e-5),
+        ("tendons.compliance", "10 m/MN", 1e-5),
+        ("tendons.friction", ".25", 0.25),
+        ("tendons.pretension", "500 mN", 0.5),
         ("backbone.density", "1.8 g/cm³", 1800.0),
         ("backbone.density", "1800 kg/m**3", 1800.0),
         ("backbone.density", "1800 kg / m^3", 1800.0),
@@ -435,9 +360,8 @@ def test_lengths(load, text, metres):
     ],
 )
 def test_spellings_of_units(load, field, text, value):
-    robot = load(GOOD, {f"segments.0.{field}": text})
-    part, name = field.split(".")
-    assert getattr(getattr(robot.segments[0], part), name) == pytest.approx(value, rel=1e-15)
+    found = attrgetter(field)(load(GOOD, {f"segments.0.{field}": text}).segments[0])
+    assert found == pytest.approx(value, rel=1e-15)
 
 
 @given(st.integers(1, 10**9))
@@ -522,211 +446,144 @@ def test_positions_forms(load):
 # --- rejected files -------------------------------------------------------------------
 
 
+def fields_of(part: type[Part]) -> str:
+    """Known fields as messages list them: a part's own ones before those that it inherits."""
+    return ", ".join(sorted(part.model_fields, key=lambda name: name not in part.__annotations__))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (
-            "200 mm",
-            "641",
-            'segments[0].length: got 641 without a unit; write for example "641 mm".',
-        ),
+        ("200 mm", "641", 'length: got 641 without a unit; write for example "641 mm".'),
         (
             "200 mm",
             "641 kg",
-            'segments[0].length: got "641 kg"; "kg" is not a unit of length; '
-            'write for example "641 mm".',
+            'length: got "641 kg"; "kg" is not a unit of length; write for example "641 mm".',
         ),
-        ("200 mm", "-200 mm", 'segments[0].length: got "-200 mm"; must lie between 1 um and 1 km.'),
-        ("200 mm", "0 mm", 'segments[0].length: got "0 mm"; must lie between 1 um and 1 km.'),
+        ("200 mm", "-200 mm", 'length: got "-200 mm"; must lie between 1 um and 1 km.'),
         (
             "200 mm",
             "200 gondolas",
-            'segments[0].length: got "200 gondolas"; "gondolas" is not a known unit; '
+            'length: got "200 gondolas"; "gondolas" is not a known unit; '
             'write for example "641 mm".',
-        ),
-        (
-            "200 mm",
-            "200 furlong/fortnight",
-            'segments[0].length: got "200 furlong/fortnight"; "furlong/fortnight" is not a unit of '
-            'length; write for example "641 mm".',
         ),
         (
             "200 mm",
             "nan mm",
-            'segments[0].length: got "nan mm", which is not a number with a unit; '
-            'write for example "641 mm".',
+            'length: got "nan mm", which is not a number with a unit; write for example "641 mm".',
         ),
         (
             "length: 200 mm",
             "length:",
-            "segments[0].length: got nothing, which is not a number with a unit; "
-            'write for example "641 mm".',
+            'length: got nothing, which is not a number with a unit; write for example "641 mm".',
         ),
-        (
-            "length: 200 mm",
-            "name: a",
-            'segments[0].length: missing; write for example "length: 641 mm".',
-        ),
-        (
-            "200 mm",
-            "[200 mm]",
-            'segments[0].length: got a list of 1; write for example "641 mm".',
-        ),
-        (
-            "200 mm",
-            "1e999 mm",
-            'segments[0].length: got "1e999 mm"; must lie between 1 um and 1 km.',
-        ),
+        ("length: 200 mm", "name: a", 'length: missing; write for example "length: 641 mm".'),
+        ("200 mm", "[200 mm]", 'length: got a list of 1; write for example "641 mm".'),
         (
             "60 GPa",
             "60 gpa",
-            'segments[0].backbone.E: got "60 gpa"; "gpa" is not a known unit '
+            'backbone.E: got "60 gpa"; "gpa" is not a known unit '
             "(units are case-sensitive: GPa); "
             'write for example "35 GPa".',
         ),
-        ("0.3", "0.6", "segments[0].backbone.nu: got 0.6; must lie between -0.99 and 0.5."),
-        ("0.3", "-1", "segments[0].backbone.nu: got -1; must lie between -0.99 and 0.5."),
-        (
-            "0.3",
-            "0.3 mm",
-            'segments[0].backbone.nu: got "0.3 mm"; this is a plain number without a unit; '
-            "write for example 0.3.",
-        ),
+        ("0.3", "0.6", "backbone.nu: got 0.6; must lie between -0.99 and 0.5."),
         (
             "nu: 0.3",
             "nu: 0.3, G: 20 GPa",
-            "segments[0].backbone: G and nu: both given; write exactly one of the two.",
+            "backbone: G and nu: both given; write exactly one of the two.",
         ),
-        (
-            "nu: 0.3, ",
-            "",
-            "segments[0].backbone: G and nu: missing; write exactly one of the two.",
-        ),
+        ("nu: 0.3, ", "", "backbone: G and nu: missing; write exactly one of the two."),
         (
             "diameter: 2 mm",
             "diameter: 2 mm, inner_diameter: 2 mm",
-            "segments[0].backbone.inner_diameter: got 2 mm; must be smaller than the diameter, "
-            "2 mm.",
+            "backbone.inner_diameter: got 2 mm; must be smaller than the diameter, 2 mm.",
         ),
-        (
-            "count: 4",
-            "count: 0",
-            "segments[0].disks.count: got 0; must be a whole number from 1 to 100000.",
-        ),
+        ("count: 4", "count: 0", "disks.count: got 0; must be a whole number from 1 to 100000."),
         (
             "count: 4",
             "count: 4.5",
-            "segments[0].disks.count: got 4.5; must be a whole number from 1 to 100000.",
-        ),
-        (
-            "count: 4",
-            "count: 100001",
-            "segments[0].disks.count: got 100001; must be a whole number from 1 to 100000.",
+            "disks.count: got 4.5; must be a whole number from 1 to 100000.",
         ),
         (
             "count: 4",
             "count: yes",
-            'segments[0].disks.count: got "yes"; must be a whole number from 1 to 100000.',
+            'disks.count: got "yes"; must be a whole number from 1 to 100000.',
         ),
-        (
-            "count: 4, ",
-            "",
-            "segments[0].disks: count and positions: missing; write exactly one of the two.",
-        ),
+        ("count: 4, ", "", "disks: count and positions: missing; write exactly one of the two."),
         (
             "count: 4",
             "positions: 50 40 200 mm",
-            "segments[0].disks.positions: got 40 mm after 50 mm; must increase from base to tip.",
+            "disks.positions: got 40 mm after 50 mm; must increase from base to tip.",
         ),
         (
             "count: 4",
             "positions: 50 190 mm",
-            "segments[0].disks.positions: the last is 190 mm; must be the segment's length, "
-            "200 mm.",
+            "disks.positions: the last is 190 mm; must be the segment's length, 200 mm.",
         ),
         (
             "count: 4",
             "positions: []",
-            "segments[0].disks.positions: got 0 numbers; must have at least one, "
-            'for example "100 150 200 mm".',
+            'disks.positions: got 0 numbers; must have at least one, for example "100 150 200 mm".',
         ),
         (
             "12 mm",
             "15 mm",
-            "segments[0].tendons.pitch_radius: got 15 mm, a hole outside its disk; "
+            "tendons.pitch_radius: got 15 mm, a hole outside its disk; "
             "must be smaller than the disk's radius, 15 mm.",
         ),
         (
             "12 mm",
             "1 mm",
-            "segments[0].tendons.pitch_radius: got 1 mm, a hole inside its backbone; "
+            "tendons.pitch_radius: got 1 mm, a hole inside its backbone; "
             "must be larger than the backbone's radius, 1 mm.",
         ),
-        (
-            "count: 3",
-            "count: 0",
-            "segments[0].tendons.count: got 0; must be a whole number from 1 to 1000.",
-        ),
+        ("count: 3", "count: 0", "tendons.count: got 0; must be a whole number from 1 to 1000."),
         (
             "{count: 3, pitch_radius: 12 mm}",
             "[{angle: 400 deg, pitch_radius: 12 mm}]",
-            'segments[0].tendons[0].angle: got "400 deg"; must lie between -360 deg and 360 deg.',
+            'tendons[0].angle: got "400 deg"; must lie between -360 deg and 360 deg.',
         ),
         (
             "{count: 3, pitch_radius: 12 mm}",
             "three",
-            'segments[0].tendons: got "three"; must be a set of fields: '
-            "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "creep_compliance, creep_time, second_creep_compliance, second_creep_time, friction, "
-            "wrap_angle, backlash, hole_clearance, mount_compliance, gain, zero, decoupling, "
-            "delay, pretension, spool_radius, diameter, material, kind, area, bending_stiffness, "
-            "turns, end_pitch_radius.",
+            f'tendons: got "three"; must be a set of fields: {fields_of(TendonRing)}.',
         ),
         (
             "pitch_radius: 12 mm",
             "pitch_radius: {normal: {sd: 1 %}}",
-            "segments[0].tendons.pitch_radius: got a set of fields; write one number, for example "
+            "tendons.pitch_radius: got a set of fields; write one number, for example "
             '"29 mm"; a distribution, such as {normal: {sd: 5 %}}, goes into the file of '
             "uncertainty --distributions.",
         ),
         (
             "pitch_radius: 12 mm",
             "pitch_radius: 12 mm, mu: 0.1",
-            "segments[0].tendons.mu: unknown field; did you mean friction? Known here: "
-            "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "creep_compliance, creep_time, second_creep_compliance, second_creep_time, friction, "
-            "wrap_angle, backlash, hole_clearance, mount_compliance, gain, zero, decoupling, "
-            "delay, pretension, spool_radius, diameter, material, kind, area, bending_stiffness, "
-            "turns, end_pitch_radius.",
+            "tendons.mu: unknown field; did you mean friction? Known here: "
+            f"{fields_of(TendonRing)}.",
         ),
         (
             "thickness: 3 mm",
             "thickness: 3 mm, clamped_length: 50 mm",
-            "segments[0].disks.clamped_length: got 50 mm; the disks would clamp all of the "
+            "disks.clamped_length: got 50 mm; the disks would clamp all of the "
             "50 mm before disk 2 of the segment; write a smaller length, "
             "so that some backbone is free to bend.",
         ),
         (
             "thickness: 3 mm",
             "thickness: 3 mm, clamped: 1 mm",
-            "segments[0].disks.clamped: unknown field; did you mean clamped_length? Known here: "
-            "count, positions, mass, density, radius, thickness, hole_diameter, "
-            "clamped_length, hole_length.",
+            "disks.clamped: unknown field; did you mean clamped_length? Known here: "
+            f"{fields_of(Disks)}.",
         ),
         (
             "diameter:",
             "outer_diameter:",
-            "segments[0].backbone.outer_diameter: unknown field; did you mean diameter? "
-            "Known here: diameter, inner_diameter, end_diameter, end_inner_diameter, width, "
-            "height, end_width, end_height, width_direction, E, G, nu, density, stiffness, "
-            "mass_per_length, rotary_inertia, yield_strength, strain_limit, rest_bend, "
-            "rest_direction, rest_twist, hysteresis, hysteresis_play, relaxation, "
-            "relaxation_time, second_relaxation, second_relaxation_time.",
+            "backbone.outer_diameter: unknown field; did you mean diameter? "
+            f"Known here: {fields_of(Backbone)}.",
         ),
     ],
 )
 def test_an_invalid_field_is_named_with_its_value_and_rule(refuse, old, new, message):
-    assert refuse(changed(old, new)) == message
+    assert refuse(changed(old, new)) == f"segments[0].{message}"
 
 
 def test_all_problems_are_listed_at_once(refuse):
@@ -962,8 +819,7 @@ def test_overrides_of_whole_parts():
             "segments.0.disks.clamp",
             1,
             "amouri2019: segments[0].disks.clamp: unknown field; did you mean clamped_length? "
-            "Known here: count, positions, mass, density, radius, thickness, hole_diameter, "
-            "clamped_length, hole_length.",
+            f"Known here: {fields_of(Disks)}.",
         ),
         (
             "segment.0.length",
@@ -977,11 +833,6 @@ def test_overrides_of_whole_parts():
             "Override segments.3.length: there is no 3 in segments; write segments.0.",
         ),
         (
-            "segments.-1.length",
-            1,
-            "Override segments.-1.length: there is no -1 in segments; write segments.0.",
-        ),
-        (
             "segments.0.length.mm",
             1,
             'Override segments.0.length.mm: segments.0.length is a value, there is no "mm" in it.',
@@ -992,19 +843,19 @@ def test_overrides_of_whole_parts():
         (7, 1, 'Override 7: write it as "segments.0.length".'),
         (
             "segments.0.length",
-            "5 kg",
-            'amouri2019: segments[0].length: got "5 kg"; "kg" is not a unit of length; '
-            'write for example "641 mm".',
-        ),
-        (
-            "segments.0.length",
             float("nan"),
             "amouri2019: segments[0].length: got nan m; must lie between 1 um and 1 km.",
         ),
         (
-            "segments.0.length",
-            -0.5,
-            "amouri2019: segments[0].length: got -0.5 m; must lie between 1 um and 1 km.",
+            "segments.0.tendons.friction",
+            math.inf,
+            "amouri2019: segments[0].tendons.friction: got inf; must lie between 0 and 10.",
+        ),
+        (
+            "segments.0.tendons.friction",
+            10**400,
+            "amouri2019: segments[0].tendons.friction: got a huge number; must be a finite number; "
+            "write for example 0.1.",
         ),
         (
             "segments.0.length",
@@ -1104,66 +955,48 @@ def test_built_in_robots_give_no_warning(name, gravity):
     assert load_robot(name, {"gravity": [gravity, 0, 0]}).warnings == ()
 
 
-def robot_of(**fields):
-    return load_robot(
-        "amouri2019", {f"segments.0.{k.replace('__', '.')}": v for k, v in fields.items()}
-    )
+def robot_of(**parts):
+    """The built-in robot with other fields of its segment: numbers, or fields of a part."""
+    changes = {}
+    for part, fields in parts.items():
+        for name, value in fields.items() if isinstance(fields, dict) else [("", fields)]:
+            changes[f"segments.0.{part}.{name}".rstrip(".")] = value
+    return load_robot("amouri2019", changes)
 
 
+NITINOL = {"diameter": "1 mm", "E": "60 GPa", "density": 6450}
 SOFT_BUT_REAL = {
     "Nitinol 1 mm, r 5 mm": dict(
         length="200 mm",
-        backbone__diameter="1 mm",
-        backbone__E="60 GPa",
-        backbone__density=6450,
-        disks__mass="1 g",
-        disks__radius="7 mm",
-        disks__thickness="2 mm",
-        tendons__pitch_radius="5 mm",
+        backbone=NITINOL,
+        disks={"mass": "1 g", "radius": "7 mm", "thickness": "2 mm"},
+        tendons={"pitch_radius": "5 mm"},
     ),
     "Nitinol 1 mm under heavy disks, r 10 mm": dict(
         length="500 mm",
-        backbone__diameter="1 mm",
-        backbone__E="60 GPa",
-        backbone__density=6450,
-        disks__mass="10 g",
-        disks__radius="15 mm",
-        disks__thickness="4 mm",
-        tendons__pitch_radius="10 mm",
+        backbone=NITINOL,
+        disks={"mass": "10 g", "radius": "15 mm", "thickness": "4 mm"},
+        tendons={"pitch_radius": "10 mm"},
     ),
     "catheter": dict(
         length="1 m",
-        backbone__diameter="0.4 mm",
-        backbone__E="60 GPa",
-        backbone__density=6450,
-        disks__count=50,
-        disks__mass="5 mg",
-        disks__radius="1.5 mm",
-        disks__thickness="0.5 mm",
-        tendons__pitch_radius="1 mm",
+        backbone={**NITINOL, "diameter": "0.4 mm"},
+        disks={"count": 50, "mass": "5 mg", "radius": "1.5 mm", "thickness": "0.5 mm"},
+        tendons={"pitch_radius": "1 mm"},
     ),
     "silicone": dict(
         length="200 mm",
-        backbone__diameter="20 mm",
-        backbone__E="100 kPa",
-        backbone__density=1070,
-        backbone__nu=0.49,
-        disks__mass="5 g",
-        disks__radius="12 mm",
-        disks__thickness="5 mm",
-        tendons__pitch_radius="11 mm",
+        backbone={"diameter": "20 mm", "E": "100 kPa", "density": 1070, "nu": 0.49},
+        disks={"mass": "5 g", "radius": "12 mm", "thickness": "5 mm"},
+        tendons={"pitch_radius": "11 mm"},
     ),
 }
 
 
 @pytest.mark.parametrize("name", SOFT_BUT_REAL)
-def test_soft_but_real_robots_give_no_warning(name):
-    assert robot_of(**SOFT_BUT_REAL[name]).warnings == ()
-
-
-@pytest.mark.parametrize("name", list(SOFT_BUT_REAL))
-def test_a_modulus_wrong_by_a_thousand_gives_a_warning(name):
+def test_soft_but_real_robots_give_a_warning_of_a_thousandth_of_their_modulus_only(name):
     robot = robot_of(**SOFT_BUT_REAL[name])
+    assert robot.warnings == ()
     softer = robot.segments[0].backbone.E / 1000
     (warning,) = robot.with_({"segments.0.backbone.E": softer}).warnings
     assert warning.startswith("segments[0].backbone.E = ") and "wind the backbone" in warning
@@ -1171,9 +1004,7 @@ def test_a_modulus_wrong_by_a_thousand_gives_a_warning(name):
 
 def test_self_weight_buckling_of_the_uniform_column():
     """The exact critical length of a column under its own weight is (7.837 E I / q)^(1/3)."""
-    column = robot_of(backbone__E="1 GPa", disks__mass=0, tendons__pitch_radius="29 mm").with_(
-        {"gravity": "0 0 -9.81"}
-    )
+    column = robot_of(backbone={"E": "1 GPa"}, disks={"mass": 0}).with_({"gravity": "0 0 -9.81"})
     q = float(column.mass_per_length[0]) * 9.81
     critical = (7.837 * float(column.bending_stiffness[0]) / q) ** (1 / 3)
     for factor, count in ((0.97, 0), (1.05, 1)):
@@ -1231,17 +1062,12 @@ def test_thick_disks_need_a_clamped_length():
     assert thin.warnings == ()
 
 
-SILICONE = {
-    "segments.0.length": "400 mm",
-    "segments.0.backbone.diameter": "20 mm",
-    "segments.0.backbone.E": "1 MPa",
-    "segments.0.backbone.density": 1070,
-    "segments.0.disks.count": 10,
-    "segments.0.disks.mass": "30 g",
-    "segments.0.disks.thickness": "5 mm",
-    "segments.0.tendons.pitch_radius": "25 mm",
-    "gravity": "0 0 9.80665",
-}
+SILICONE = robot_of(
+    length="400 mm",
+    backbone={"diameter": "20 mm", "E": "1 MPa", "density": 1070},
+    disks={"count": 10, "mass": "30 g", "thickness": "5 mm"},
+    tendons={"pitch_radius": "25 mm"},
+).with_({"gravity": "0 0 9.80665"})
 
 
 @pytest.mark.parametrize("friction", [0, 0.1])
@@ -1255,7 +1081,7 @@ def test_a_load_without_a_solution_names_its_likely_cause(friction):
     thin = {"segments.0.backbone.diameter": "0.2 mm", "segments.0.backbone.E": "30 GPa"}
     said = bs.solve(load_robot("amouri2019", {**thin, **overrides}), [80, 0, 0]).message
     assert "By the linear law these tensions would bend" in said and "GPa" not in said
-    silicone = load_robot("amouri2019", {**SILICONE, **overrides})
+    silicone = SILICONE.with_(overrides)
     assert silicone.warnings == ()
     for said in (
         bs.solve(silicone, [10, 0, 0]).message,
@@ -1317,6 +1143,11 @@ def test_every_physical_field_changes_the_hash():
         "segments.0.tendons.pitch_radius": "28 mm",
         "segments.0.tendons.first_angle": "1 deg",
     }
+    for name, (_, value, _, absent) in DRIVE.items():
+        changes[f"segments.0.tendons.{name}"] = value
+        if absent == 0:
+            same = robot.with_({f"segments.0.tendons.{name}": -0.0})
+            assert same.hash == robot.hash  # the hash from before there were tendon properties
     for path, value in changes.items():
         hashes.add(robot.with_({path: value}).hash)
     assert len(hashes) == len(changes) + 1
@@ -1357,24 +1188,6 @@ def test_core_is_built_once_and_not_copied(monkeypatch):
     assert robot.with_({"segments.0.length": 0.3}).disks.station_m[9] == 0.3
 
 
-def test_arrays_have_an_entry_for_each_disk_tendon_and_segment():
-    robot = load_robot("rao2021", {"gravity": "0 0 -9.81"})
-    n, t, s = 20, 6, 2
-    disks = robot.disks
-    assert disks.station_m.shape == disks.clamped_length_m.shape == disks.mass_kg.shape == (n,)
-    assert disks.inertia_kg_m2.shape == (n, 2) and disks.segment.shape == (n,)
-    for stiffness in ("bending", "torsion", "axial", "shear"):
-        assert getattr(robot, f"{stiffness}_stiffness").shape == (s,)
-    assert robot.mass_per_length.shape == robot.rotary_inertia.shape == (s,)
-    assert robot.tendons.hole_m.shape == (t, 2) and robot.tendons.end_disk.shape == (t,)
-    assert robot.core.tendon_count == t and robot.core.disk_count == n
-
-
-def test_python_numbers_are_si():
-    tree = load_robot("rao2021").model_dump(mode="json", exclude_none=True)
-    assert Robot.model_validate(tree).hash == load_robot("rao2021").hash
-
-
 def test_common_units_do_not_load_pint():
     code = (
         "import sys; from bowstring import load_robot;"
@@ -1396,20 +1209,6 @@ def test_schema_is_valid_and_accepts_the_robots():
         jsonschema.validate(yaml.safe_load(path.read_text(encoding="utf-8")), schema)
 
 
-@pytest.mark.parametrize("part", ["TendonRing", "Tendon"])
-def test_schema_holds_the_tendon_properties(part):
-    schema = robot_schema()["$defs"][part]
-    assert schema["additionalProperties"] is False
-    assert not set(DRIVE) & set(schema["required"])
-    for name in DRIVE:
-        field = schema["properties"][name]
-        assert field["description"] and "default" not in field
-        jsonschema.validate(yaml.safe_load(DRIVE[name][0]), field)
-    for name, wrong in (("friction", -0.1), ("friction", "0.1 N"), ("axial_stiffness", 20000)):
-        with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(wrong, schema["properties"][name])
-
-
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -1420,6 +1219,9 @@ def test_schema_holds_the_tendon_properties(part):
         ("count: 4", "count: 4, colour: red"),
         ("nu: 0.3", "nu: 0.3, G: 20 GPa"),
         ("segments:", "gravity: 0 0 m/s^2\nsegments:"),
+        ("12 mm", "12 mm, friction: -0.1"),
+        ("12 mm", "12 mm, friction: 0.1 N"),
+        ("12 mm", "12 mm, axial_stiffness: 20000"),
     ],
 )
 def test_schema_refuses(old, new):

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, root
+from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import bowstring as bs
 from bowstring.dynamics import modes
 from bowstring.errors import InputError
-
-Floats = NDArray[np.float64]
+from shooting import Shooting
 
 ROBOT = bs.load_robot("amouri2019")
 TENSIONS = [40.0, 5.0, 10.0]
@@ -28,78 +23,6 @@ FOLLOWER = bs.PointLoad(
 )
 
 
-class Shooting:
-    """A Cosserat rod from the base, with jumps of force and moment at disks and loaded sections.
-
-    The forces of the straight spans act at the poses of a solution: that is an equilibrium if the
-    rod passes through its disks.
-    """
-
-    def __init__(self, robot: bs.Robot, found: bs.Solution, loads: list[bs.PointLoad]) -> None:
-        rod = robot.segments[0].backbone.at(0.0)
-        bending = float(rod.E * rod.second_moment)
-        shear, area = float(rod.shear_modulus), float(rod.area)
-        twist = 2.0 * shear * float(rod.second_moment)
-        self.bend = np.array([1.0 / bending, 1.0 / bending, 1.0 / twist])
-        soft = float(found.model.theory != "kirchhoff")
-        self.stretch = soft / np.array([shear * area, shear * area, rod.E * area])
-        self.weight = float(robot.mass_per_length[0]) * found.core.gravity
-        self.stations = robot.disks.station_m
-        self.loads = loads
-        self.on_disks = self.spans(robot, found)
-        self.on_disks[:, 0] += robot.disks.mass_kg[:, None] * found.core.gravity
-
-    @staticmethod
-    def spans(robot: bs.Robot, found: bs.Solution) -> Floats:
-        """Forces and moments (N, 2, 3) of the spans on all disks."""
-        positions = np.concatenate([np.zeros((1, 3)), found.disk_positions])
-        turns = np.concatenate([np.eye(3)[None], found.disk_rotations])
-        out = np.zeros((len(positions), 2, 3))
-        for hole, tension in zip(robot.tendons.hole_m, found.tensions, strict=True):
-            arms = turns @ np.array([*hole, 0.0])
-            along = np.diff(positions + arms, axis=0)
-            pull = tension * along / np.linalg.norm(along, axis=1)[:, None]
-            forces = np.concatenate([pull, np.zeros((1, 3))])
-            forces[1:] -= pull
-            out[:, 0] += forces
-            out[:, 1] += np.cross(arms, forces)
-        return out[1:]
-
-    def rate(self, _: float, y: Floats) -> Floats:
-        turn, force, moment = y[3:12].reshape(3, 3), y[12:15], y[15:18]
-        along = turn @ (np.array([0.0, 0.0, 1.0]) + self.stretch * (turn.T @ force))
-        x, y_, z = self.bend * (turn.T @ moment)
-        turned = turn @ np.array([[0.0, -z, y_], [z, 0.0, -x], [-y_, x, 0.0]])
-        return np.concatenate([along, turned.ravel(), -self.weight, -np.cross(along, force)])
-
-    def shoot(self, wrench: Floats) -> tuple[Floats, Floats]:
-        """Force and moment left beyond the tip, and the positions of the disks."""
-        y = np.concatenate([np.zeros(3), np.eye(3).ravel(), wrench])
-        places: list[tuple[float, Any]] = [(s, k) for k, s in enumerate(self.stations)]
-        places += [(load.arc_length or 0.0, load) for load in self.loads]
-        before, disks = 0.0, []
-        for s, what in sorted(places, key=lambda place: place[0]):
-            done = solve_ivp(self.rate, (before, s), y, method="DOP853", rtol=1e-12, atol=1e-14)
-            y, before = done.y[:, -1].copy(), s
-            turn = y[3:12].reshape(3, 3)
-            if isinstance(what, bs.PointLoad):
-                axes = turn if what.follower else np.eye(3)
-                force, moment = axes @ np.array(what.force), axes @ np.array(what.moment)
-                moment = moment + np.cross(turn @ np.array(what.point), force)
-            else:
-                disks.append(y[:3].copy())
-                force, moment = self.on_disks[what]
-            y[12:15] -= force
-            y[15:18] -= moment
-        return y[12:18], np.array(disks)
-
-    def disks(self) -> Floats:
-        """Positions of the disks where nothing is left beyond the tip."""
-        found = root(lambda wrench: self.shoot(wrench)[0], np.zeros(6), tol=1e-12)
-        assert np.abs(self.shoot(found.x)[0]).max() < 1e-9
-        return self.shoot(found.x)[1]
-
-
 @pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
 def test_a_rod_without_tension_is_that_of_shooting(theory: str) -> None:
     """The estimate covers the error; bending converges with the fourth power of the elements."""
@@ -108,7 +31,7 @@ def test_a_rod_without_tension_is_that_of_shooting(theory: str) -> None:
         model = bs.RodModel(theory, elements=elements)
         load = bs.Load(gravity=UP, point_loads=loads)
         found = bs.solve(ROBOT, [0, 0, 0], load=load, model=model).raise_for_status()
-        exact = Shooting(ROBOT, found, loads).disks()
+        exact = Shooting(ROBOT, found, loads).solve()[0]
         errors[elements] = np.linalg.norm(exact - found.disk_positions, axis=1).max()
         assert errors[elements] <= found.error_estimate.tip
     if theory == "kirchhoff":
@@ -128,57 +51,12 @@ def test_a_rod_with_tension_is_that_of_shooting(theory: str) -> None:
         assert found.stable
         disks.append(found.disk_positions)
         if elements == 8:
-            exact = Shooting(ROBOT, found, loads).disks()
+            exact = Shooting(ROBOT, found, loads).solve()[0]
             off = np.linalg.norm(exact - found.disk_positions, axis=1).max()
             assert off < 35 * found.error_estimate.tip
             assert off < (5e-9 if theory == "kirchhoff" else 3e-7)
         error = np.linalg.norm(disks[-1] - disks[0], axis=1).max()
         assert error <= found.error_estimate.tip < 1e-5 * ROBOT.length
-
-
-def test_the_estimate_covers_the_error_of_random_loads() -> None:
-    draw = np.random.default_rng(3)
-    stations = np.concatenate([[0.0], ROBOT.disks.station_m])
-    for _ in range(40):
-        modules = draw.choice(9, 2, replace=False)
-        loads = [
-            bs.PointLoad(
-                arc_length=stations[k] + draw.uniform(0.05, 0.95) * (stations[1]),
-                force=draw.uniform(-1, 1, 3),
-                moment=draw.uniform(-0.05, 0.05, 3),
-                point=draw.uniform(-0.03, 0.03, 3),
-                follower=bool(draw.integers(2)),
-            )
-            for k in modules
-        ]
-        load = bs.Load(draw.uniform(0, 60, 3), gravity=UP, point_loads=loads)
-        poses = {}
-        for elements in (2, 4, 8):
-            found = bs.solve(ROBOT, load=load, model=bs.RodModel(elements=elements))
-            assert found.converged
-            poses[elements] = found
-        for elements in (2, 4):
-            off = poses[elements].disk_positions - poses[8].disk_positions
-            assert np.linalg.norm(off, axis=1).max() <= poses[elements].error_estimate.tip
-
-
-def test_work_is_that_of_the_displacement() -> None:
-    """The elastic energy rises by the work of a force that rises from zero."""
-    at = ROBOT.disks.station_m[3] + 0.25 * ROBOT.disks.station_m[0]
-    sizes, nodes = np.linspace(0, 1, 41), []
-    for size in sizes:
-        touch = bs.PointLoad(arc_length=at, force=size * np.array([0.4, 1.0, -0.5]))
-        load = bs.Load(gravity=(0, 0, 0), point_loads=[touch])
-        found = bs.solve(ROBOT, [0, 0, 0], load=load, model=bs.RodModel("kirchhoff", elements=8))
-        line = found.centerline(4)
-        nodes.append(line[4 * 4 + 1])
-    energy = float(found.to_dataset(3)["elastic_energy"][0])
-    along = np.array(nodes) @ [0.4, 1.0, -0.5]
-    # integral of F dp by parts, with Simpson's rule in F
-    weights = np.ones(41)
-    weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
-    work = along[-1] - (weights * along).sum() / 120.0
-    assert work == pytest.approx(energy, rel=1e-6)
 
 
 def test_a_solver_takes_other_sections_after_each_other() -> None:
@@ -211,7 +89,7 @@ def test_sections_between_the_same_disks(theory: str) -> None:
         given = bs.Load(gravity=UP, point_loads=[*loads, FOLLOWER])
         found = bs.solve(ROBOT, [0, 0, 0], load=given, model=bs.RodModel(theory))
         assert found.converged and found.model.elements == least
-        exact = Shooting(ROBOT, found, [*loads, FOLLOWER]).disks()
+        exact = Shooting(ROBOT, found, [*loads, FOLLOWER]).solve()[0]
         off = np.linalg.norm(exact - found.disk_positions, axis=1).max()
         assert off <= found.error_estimate.tip + 1e-12 < 1e-7
         run = bs.simulate(ROBOT, [0, 0, 0], 0.01, load=given, model=bs.RodModel(theory))

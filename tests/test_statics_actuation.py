@@ -10,6 +10,7 @@ import pytest
 
 import bowstring as bs
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.model import with_tendons
 from bowstring.statics import messages
 from objects import objects
 
@@ -29,15 +30,8 @@ def rao():
 @pytest.fixture(scope="module")
 def elastic(robot):
     """Tendons as of steel wire, with a small pretension."""
-    return robot.with_(
-        {
-            TENDONS + "axial_stiffness": "20 kN",
-            TENDONS + "free_length": "300 mm",
-            TENDONS + "compliance": "0.01 mm/N",
-            TENDONS + "pretension": "2 N",
-            TENDONS + "spool_radius": "10 mm",
-        }
-    )
+    wire = {"axial_stiffness": 20e3, "free_length": 0.3, "compliance": 1e-5}
+    return with_tendons(robot, {**wire, "pretension": 2.0, "spool_radius": 0.01})
 
 
 @pytest.fixture(scope="module")
@@ -59,8 +53,7 @@ def bends(solution, i):
     return np.arctan2(sines, np.einsum("ij,ij->i", spans[:-1], spans[1:]))
 
 
-# --- displacements
-# ---------------------------------------------------------------------------------
+# --- displacements -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["robot", "rao", "elastic"])
@@ -106,19 +99,10 @@ def test_displacement_of_an_elastic_tendon_includes_its_elongation(elastic):
 
 def test_elastic_tendons_converge_to_inextensible_ones(robot):
     displacements = [0.02, -0.03, -0.03]
-    limit = tip(bs.solve(robot, load=bs.Load(displacements=displacements)))
-    errors = [
-        np.linalg.norm(
-            tip(
-                bs.solve(
-                    robot.with_({TENDONS + "axial_stiffness": k}),
-                    load=bs.Load(displacements=displacements),
-                )
-            )
-            - limit
-        )
-        for k in (1e5, 1e6, 1e7)
-    ]
+    load = bs.Load(displacements=displacements)
+    limit = tip(bs.solve(robot, load=load))
+    wires = [robot.with_({TENDONS + "axial_stiffness": k}) for k in (1e5, 1e6, 1e7)]
+    errors = [np.linalg.norm(tip(bs.solve(wire, load=load)) - limit) for wire in wires]
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
     assert errors[1] / errors[2] == pytest.approx(10, rel=0.05)
 
@@ -157,41 +141,38 @@ def test_motor_angles_wind_spools(elastic):
 
 def test_three_tendons_of_an_inextensible_backbone(robot):
     """The tensions of the pose are not unique; the smallest are returned, and it is reported."""
-    given = bs.solve(robot, [30, 20, 20], model=bs.RodModel("kirchhoff"))
-    found = bs.solve(
-        robot, load=bs.Load(displacements=given.displacements()), model=bs.RodModel("kirchhoff")
-    ).raise_for_status()
+    thin = bs.RodModel("kirchhoff")
+    given = bs.solve(robot, [30, 20, 20], model=thin)
+    held = bs.Load(displacements=given.displacements())
+    found = bs.solve(robot, load=held, model=thin).raise_for_status()
     assert np.abs(tip(found) - tip(given)).max() < 1e-9 * robot.length
     assert np.linalg.norm(found.tensions) < np.linalg.norm(given.tensions)
-    every = bs.solve(
-        robot, load=bs.Load(displacements=[0, 0, 0]), model=bs.RodModel("kirchhoff")
-    ).raise_for_status()
+    home = bs.Load(displacements=[0, 0, 0])
+    every = bs.solve(robot, load=home, model=thin).raise_for_status()
     assert every.undetermined and every.tensions.max() < 1e-3
     assert "do not determine the tensions" in every.message
 
 
 def test_two_segments(rao):
-    """Tips of the published robot by tensions, and by the displacements that result."""
+    """A published code's tip, then values of an independent solution; by tensions, and by the
+    displacements that result."""
     for tensions, mm, within in (
         ([4, 0, 0, 0, 2, 0], (129.370, 145.940, 334.202), 0.15),
-        ([0, 0, 0, 3, 0, 0], (0, 211.15, 312.10), 0.03),
-        ([8, 0, 0, 0, 0, 0], (0, 328.88, 116.72), 0.03),
+        ([0, 0, 0, 3, 0, 0], (0, 211.15, 312.10), 0.02),
+        ([8, 0, 0, 0, 0, 0], (0, 328.88, 116.72), 0.02),
     ):
-        given = bs.solve(rao, tensions, model=bs.RodModel(elements=8))
-        assert np.linalg.norm(1e3 * tip(given) - mm) < within
-        assert np.linalg.norm(tip(bs.solve(rao, tensions)) - tip(given)) < 1e-5
-        displacements = given.displacements() - 0.001 * (np.array(tensions) == 0)  # others slack
-        found = bs.solve(
-            rao, load=bs.Load(displacements=displacements), model=bs.RodModel(elements=8)
-        ).raise_for_status()
+        plain, given = (bs.solve(rao, tensions, model=bs.RodModel(elements=e)) for e in (None, 8))
+        assert np.abs(1e3 * tip(plain) - mm).max() < within
+        assert np.linalg.norm(tip(plain) - tip(given)) < 1e-5
+        held = given.displacements() - 0.001 * (np.array(tensions) == 0)  # others slack
+        found = bs.solve(rao, load=bs.Load(displacements=held), model=given.model)
         assert np.linalg.norm(tip(found) - tip(given)) < 1e-10
         assert found.slack == tuple(np.flatnonzero(np.array(tensions) == 0) + 1)
 
 
 def test_opposing_tendons_are_named_without_an_equilibrium(robot):
-    found = bs.solve(
-        robot, load=bs.Load(displacements=[0.03, 0.03, 0.03]), model=bs.RodModel("kirchhoff")
-    )
+    conflicting, thin = bs.Load(displacements=[0.03] * 3), bs.RodModel("kirchhoff")
+    found = bs.solve(robot, load=conflicting, model=thin)
     assert found.status == "no_equilibrium" and not found.converged and found.tip is None
     assert "tendons 1, 2 and 3 have conflicting displacements" in found.message
     assert found.message.endswith("The nearest that have one are 0, 0, 0 mm.")
@@ -200,11 +181,8 @@ def test_opposing_tendons_are_named_without_an_equilibrium(robot):
     assert found.to_dict()["tensions_N"] == [None] * 3
     with pytest.raises(NoSolutionError, match="have conflicting displacements"):
         found.raise_for_status()
-    rows = bs.sweep(
-        robot,
-        load=bs.Load(displacements=[[0, 0, 0], [0.03] * 3, [0.01, -0.01, -0.01]]),
-        model=bs.RodModel("kirchhoff"),
-    )
+    path = bs.Load(displacements=[[0, 0, 0], [0.03] * 3, [0.01, -0.01, -0.01]])
+    rows = bs.sweep(robot, load=path, model=thin)
     assert rows.status == ["converged", "no_equilibrium", "converged"]
     assert "have conflicting displacements" in rows.message(1)
     assert np.isnan(rows.tensions[1]).all() and np.isnan(rows.slack_lengths[1]).all()
@@ -218,10 +196,11 @@ def test_sweep_matches_single_solves(rao):
     displacements = draw.uniform(-1, 1, (20, 2)) @ rao.tendons.hole_m.T - draw.uniform(
         0, 0.002, (20, 6)
     )
-    path = bs.sweep(rao, load=bs.Load(displacements=displacements)).raise_for_status()
-    alone = bs.solve_batch(rao, load=bs.Load(displacements=displacements)).raise_for_status()
-    one = bs.solve_batch(rao, threads=1, disks=False, load=bs.Load(displacements=displacements))
-    cold = bs.sweep(rao, warm=False, load=bs.Load(displacements=displacements))
+    load = bs.Load(displacements=displacements)
+    path = bs.sweep(rao, load=load).raise_for_status()
+    alone = bs.solve_batch(rao, load=load).raise_for_status()
+    one = bs.solve_batch(rao, threads=1, disks=False, load=load)
+    cold = bs.sweep(rao, warm=False, load=load)
     assert one.disk_positions is None
     np.testing.assert_array_equal(one.tip_position, alone.tip_position)
     np.testing.assert_array_equal(cold.tip_position, alone.tip_position)
@@ -245,23 +224,19 @@ def test_sweep_by_tensions_reports_displacements(elastic):
     assert rows.path is None and rows.history() is None and not rows.undetermined.any()
     for i in range(5):
         found = bs.solve(elastic, tensions[i])
-        np.testing.assert_allclose(
-            rows.displacements()[i], found.displacements(), rtol=0, atol=1e-10
-        )
+        assert np.abs(rows.displacements()[i] - found.displacements()).max() < 1e-10
         np.testing.assert_array_equal(rows.span_tensions[i], found.span_tensions)
     assert not rows.slack_lengths.any()
 
 
 def test_actuation_changes_from_row_to_row(robot):
     nan = np.nan
-    rows = bs.sweep(
-        robot,
+    load = bs.Load(
         [[5, 0, 0], [nan, 0, 0], [5, 0, 0]],
-        load=bs.Load(
-            displacements=[[nan, nan, nan], [0.01, nan, nan], [nan, nan, nan]],
-            tip_force=[[0, 0, 0], [0, 0.1, 0], [0, 0, 0]],
-        ),
-    ).raise_for_status()
+        displacements=[[nan, nan, nan], [0.01, nan, nan], [nan, nan, nan]],
+        tip_force=[[0, 0, 0], [0, 0.1, 0], [0, 0, 0]],
+    )
+    rows = bs.sweep(robot, load=load).raise_for_status()
     assert rows.displacements()[1, 0] == 0.01 and rows.tensions[1, 0] > 5
     np.testing.assert_allclose(rows.tip_position[0], rows.tip_position[2], atol=1e-12)
 
@@ -274,12 +249,8 @@ def test_tensions_with_friction_follow_the_capstan_equation(with_friction):
     expected = 40 * np.exp(-0.1 * np.cumsum(bends(found, 0)))
     np.testing.assert_allclose(found.span_tensions[:, 0], expected, rtol=1e-11)
     assert found.stable is None and "friction has no potential" in found.message
-    assert (
-        np.abs(
-            tip(found) - tip(bs.solve(with_friction.with_({TENDONS + "friction": 0}), [40, 0, 0]))
-        )[0]
-        > 1e-3
-    )
+    free = with_friction.with_({TENDONS + "friction": 0})
+    assert abs(tip(found) - tip(bs.solve(free, [40, 0, 0])))[0] > 1e-3
 
 
 def test_loading_and_unloading_form_a_hysteresis_loop(with_friction):
@@ -302,9 +273,7 @@ def test_displacement_hysteresis_continues_through_json(with_friction):
     assert rows.tensions[5, 0] > rows.tensions[15, 0] + 0.5  # loading, unloading
     history = None
     for i, row in enumerate(path):
-        found = bs.solve(
-            with_friction, history=history, load=bs.Load(displacements=row)
-        ).raise_for_status()
+        found = bs.solve(with_friction, history=history, load=bs.Load(displacements=row))
         assert np.abs(tip(found) - rows.tip_position[i]).max() < 1e-12
         np.testing.assert_allclose(found.tensions, rows.tensions[i], rtol=0, atol=1e-8)
         history = json.loads(json.dumps(found.history(), allow_nan=False))
@@ -322,20 +291,6 @@ def test_displacement_hysteresis_continues_through_json(with_friction):
         assert (ratio < 1).all() if i == 5 else (ratio > 1).any()
 
 
-def test_random_paths_with_friction(rao):
-    draw = np.random.default_rng(3)
-    overrides = {f"segments.{s}.tendons.{i}.friction": 0.2 for s in (0, 1) for i in (0, 1, 2)}
-    robot = rao.with_(overrides)
-    displacements = draw.uniform(-0.8, 0.8, (30, 2)) @ rao.tendons.hole_m.T - 0.001
-    for given in ({"displacements": displacements}, {"tensions": draw.uniform(0, 4, (30, 6))}):
-        rows = bs.sweep(robot, **objects(**given)).raise_for_status()
-        assert (rows.tensions >= 0).all() and (rows.tensions * rows.slack_lengths == 0).all()
-        half = bs.sweep(robot, **objects(**{k: v[:15] for k, v in given.items()}))
-        history = json.loads(json.dumps(half.history(), allow_nan=False))
-        rest = bs.sweep(robot, history=history, **objects(**{k: v[15:] for k, v in given.items()}))
-        np.testing.assert_allclose(rest.tip_position, rows.tip_position[15:], rtol=0, atol=1e-9)
-
-
 def test_zero_friction_equals_no_friction(robot):
     given = [[20, 3, 1], [5, 8, 1]]
     plain = bs.sweep(robot, given)
@@ -347,17 +302,11 @@ def test_zero_friction_equals_no_friction(robot):
 
 
 def test_history_of_a_solve_without_friction(robot):
-    first = bs.solve(robot, [20, 3, 1], load=bs.Load(tip_force=(0, 0.1, 0)))
-    history = first.history()
+    history = bs.solve(robot, [20, 3, 1], load=bs.Load(tip_force=(0, 0.1, 0))).history()
     assert history["schema_version"] == 1 and history["robot_hash"] == robot.hash
     assert history["tensions_N"] == [20, 3, 1] and history["tip_force_N"] == [0, 0.1, 0]
-    same = bs.solve(robot, [20, 3, 1], history=history, load=bs.Load(tip_force=(0, 0.1, 0)))
-    assert np.abs(tip(same) - tip(first)).max() < 1e-12
-    np.testing.assert_allclose(same.displacements(), first.displacements(), rtol=0, atol=1e-14)
-    assert same.stable is True
-    assert (
-        bs.solve(robot, [20, 3, 1], model=bs.RodModel(tendon_path="continuous")).history() is None
-    )
+    continuous = bs.RodModel(tendon_path="continuous")
+    assert bs.solve(robot, [20, 3, 1], model=continuous).history() is None
 
 
 # --- queries of a solution -----------------------------------------------------------------
@@ -389,6 +338,7 @@ def test_shape_and_copies_of_an_actuated_robot(with_friction, robot):
         content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
         assert content["displacements_m"] == found.displacements().tolist()
         assert content["slack"] == list(found.slack)
+    assert pickle.loads(pickle.dumps(bs.sweep(robot, [[80, 0, 0]]))).converged.all()
 
 
 def test_fields_match_tension_control(robot):
@@ -403,49 +353,6 @@ def test_fields_match_tension_control(robot):
     for name in alone.data_vars:
         if alone[name].dtype.kind == "f" and name not in differ:
             np.testing.assert_allclose(fields[name], alone[name], rtol=1e-6, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ["robot", "elastic", "rao"])
-def test_displacement_jacobian(name, request):
-    robot = request.getfixturevalue(name)
-    displacements = {
-        "robot": bs.solve(
-            robot, [20, 5, 3] if name == "robot" else np.ones(robot.core.tendon_count)
-        ).displacements(),
-        "elastic": np.array([0.02, -0.005, -0.03]),
-        "rao": bs.solve(
-            robot, [1, 0.5, 0.4, 0.5, 0.8, 0.6] if name == "rao" else [1, 1, 1]
-        ).displacements(),
-    }[name]
-    found = bs.solve(robot, load=bs.Load(displacements=displacements)).raise_for_status()
-    by = bs.displacement_jacobian(found)
-    h = 1e-6
-    for i in range(len(displacements)):
-        shift = h * (np.arange(len(displacements)) == i)
-        more, less = (
-            bs.solve(robot, load=bs.Load(displacements=displacements + s)) for s in (shift, -shift)
-        )
-        for column, a, b in (
-            (by.tip_position_by_displacement[:, i], tip(more), tip(less)),
-            (by.tensions_by_displacement[:, i], more.tensions, less.tensions),
-            (by.lengths_by_displacement[:, i], more.tendon_lengths, less.tendon_lengths),
-        ):
-            expected = (a - b) / (2 * h)
-            np.testing.assert_allclose(
-                column, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max()
-            )
-        turned = (tip(more), more.tip.rotation @ less.tip.rotation.T)[1]
-        vector = [
-            turned[2, 1] - turned[1, 2],
-            turned[0, 2] - turned[2, 0],
-            turned[1, 0] - turned[0, 1],
-        ]
-        np.testing.assert_allclose(
-            by.tip_rotation_by_displacement[:, i], np.divide(vector, 4 * h), rtol=1e-3, atol=2e-3
-        )
-    if name == "elastic":
-        assert 0 in found.tensions
-        assert (by.tip_position_by_displacement[:, found.tensions == 0] == 0).all()
 
 
 def test_displacement_jacobian_of_other_transmissions(robot):
@@ -468,19 +375,6 @@ def test_displacement_jacobian_of_other_transmissions(robot):
 # --- rejected input ------------------------------------------------------------------------
 
 
-def test_functions_without_friction_refuse_it(with_friction):
-    found = bs.solve(with_friction, [10, 0, 0]).raise_for_status()
-    for attempt in (
-        lambda: bs.jacobians(found),
-        lambda: bs.displacement_jacobian(found),
-    ):
-        with pytest.raises(InputError, match="friction") as error:
-            attempt()
-        assert "\n" not in str(error.value) and "set friction to 0" in str(error.value)
-    with pytest.raises(InputError, match="need straight spans"):
-        bs.solve(with_friction, [10, 0, 0], model=bs.RodModel(tendon_path="continuous"))
-
-
 @pytest.mark.parametrize("change", [{}, {"segments.0.tendons.friction": 0.2}])
 def test_without_a_command_all_tendons_are_slack(robot, change):
     hanging = robot.with_({"gravity": [3.0, 0.0, -9.0], **change})
@@ -488,13 +382,6 @@ def test_without_a_command_all_tendons_are_slack(robot, change):
     assert found.status == "converged" and found.tip.position[0] > 0.01
     np.testing.assert_array_equal(found.tip.position, slack.tip.position)
     np.testing.assert_array_equal(found.tensions, np.zeros(3))
-
-
-def test_a_path_is_not_continued_without_a_command(robot):
-    sticky = robot.with_({"segments.0.tendons.friction": 0.2})
-    history = bs.solve(sticky, [10.0, 0.0, 0.0]).history()
-    with pytest.raises(InputError, match="tensions is None, and so are displacements and angles"):
-        bs.solve(sticky, history=history)
 
 
 def test_an_unstable_solve_with_held_tendons_names_them():

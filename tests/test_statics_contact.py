@@ -24,7 +24,6 @@ LENGTH = ROBOT.length
 BENDING = float(ROBOT.bending_stiffness[0])
 FORCE = BENDING / LENGTH**2
 WEIGHT = float(ROD.mass_per_length[0])
-THIN = bs.RodModel("kirchhoff")
 FINE = bs.RodModel("kirchhoff", elements=8)
 WALL = bs.Plane([0.15, 0, 0], [-1, 0, 0])
 FREE = [0.0, 0.0, 0.0]
@@ -34,7 +33,6 @@ Floats = NDArray[np.float64]
 
 def pose(contact: bs.ContactSolution) -> Floats:
     solution = contact.raise_for_status().solution
-    assert solution is not None and solution.tip is not None
     return solution.tip.position
 
 
@@ -75,7 +73,6 @@ def test_a_propped_cantilever() -> None:
     assert contact.normal_force == pytest.approx(3 / 8 * total, rel=1e-6)
     assert contact.stable is True and contact.state == "sliding"
     solution = contact.solution
-    assert solution is not None and solution.disk_positions is not None
     x, z = solution.disk_positions[:, 0], solution.disk_positions[:, 2] / LENGTH
     sag = -total * LENGTH**3 / (48 * BENDING) * (3 * z**2 - 5 * z**3 + 2 * z**4)
     np.testing.assert_allclose(x, sag, atol=1e-6 * np.abs(sag).max())
@@ -140,7 +137,6 @@ def test_large_deflection_against_shooting(
     is_contact(contact)
     tip = pose(contact)
     solution = contact.solution
-    assert solution is not None and solution.disk_rotations is not None
     tilt = np.arctan2(solution.disk_rotations[:, 0, 2], solution.disk_rotations[:, 2, 2])
     assert np.abs(tilt).max() > 0.3  # far from small
     module = LENGTH / 9
@@ -155,17 +151,14 @@ def test_objectivity() -> None:
     weight, point, normal = np.array([-1.0, 2.0, -4.0]), np.array([0.2, 0.02, 0]), [-1, 0.3, -0.2]
     for friction in (0.0, 0.3):
         rows = [np.array([60.0, 5.0, 0.0]), np.array([40.0, 20.0, 0.0])]
-        here = bs.sweep_contact(
-            ROBOT,
-            rows,
-            load=bs.Load(gravity=weight, tip_force=[0, 0.1, 0]),
-            plane=bs.Plane(point, normal, friction),
-        )
-        there = bs.sweep_contact(
-            ROBOT,
-            np.roll(rows, 1, axis=1),
-            load=bs.Load(gravity=turn @ weight, tip_force=turn @ [0, 0.1, 0]),
-            plane=bs.Plane(turn @ point, turn @ normal, friction),
+        here, there = (
+            bs.sweep_contact(
+                ROBOT,
+                np.roll(rows, shift, axis=1),
+                load=bs.Load(gravity=axes @ weight, tip_force=axes @ [0, 0.1, 0]),
+                plane=bs.Plane(axes @ point, axes @ normal, friction),
+            )
+            for axes, shift in ((np.eye(3), 0), (turn, 1))
         )
         for a, b in zip(here, there, strict=True):
             assert a.state == b.state != "separated"
@@ -178,7 +171,6 @@ def test_a_tip_that_does_not_reach_the_plane_is_that_of_solve() -> None:
     is_contact(contact)
     assert (contact.state, contact.stable, contact.point) == ("separated", True, None)
     free = bs.solve(ROBOT, [20, 0, 0])
-    assert free.tip is not None
     np.testing.assert_allclose(pose(contact), free.tip.position, atol=1e-12)
     assert contact.gap == pytest.approx(0.15 - free.tip.position[0], abs=1e-12)
     assert "mm from the plane" in contact.message
@@ -195,18 +187,16 @@ def test_the_contact_force_is_a_dead_tip_force() -> None:
 def test_displacement_control() -> None:
     commands = [0.015, -0.004, -0.02]
     free = bs.solve(ROBOT, load=bs.Load(displacements=commands))
-    assert free.tip is not None
     plane = bs.Plane([0.8 * free.tip.position[0], 0, 0], [-1, 0, 0])
     for friction in (0.0, 0.3):
         plane = bs.Plane(plane.point, plane.normal, friction)
         contact = bs.solve_contact(ROBOT, load=bs.Load(displacements=commands), plane=plane)
         is_contact(contact)
-        assert contact.state == "sliding" and contact.solution is not None
+        assert contact.state == "sliding"
         tensions = contact.solution.tensions
         assert tensions[0] > free.tensions[0]
         held = np.flatnonzero(tensions > 0)
         found = contact.solution.displacements()
-        assert found is not None
         np.testing.assert_allclose(found[held], np.array(commands)[held], atol=1e-12)
 
 
@@ -290,7 +280,6 @@ def test_much_friction_pins_the_tip() -> None:
     rows = [[40, 0, 0], [40, 2, 0], [40, 8, 0], [40, 5, 3]]
     found = rough_path(5.0, rows)
     anchor = found[0].point
-    assert anchor is not None
     for row, contact in zip(rows[1:], found[1:], strict=True):
         assert contact.state == "sticking"
         assert np.linalg.norm(pose(contact) - anchor) <= 1e-9 * LENGTH
@@ -311,7 +300,6 @@ def test_a_tip_pushed_straight_at_the_plane_sticks_where_it_touched() -> None:
 
     def free(force: float) -> Floats:
         tip = bs.solve(ROBOT, load=bs.Load(FREE, tip_force=[force, 0, 0])).tip
-        assert tip is not None
         return tip.position
 
     reached = brentq(lambda force: plane.gap(free(force)), 0, push, xtol=1e-13)
@@ -417,7 +405,6 @@ def test_a_copy_is_the_same() -> None:
         rows = [each.to_dict() for each in (contact, copy)]
         assert rows[0]["force_N"] == rows[1]["force_N"]
         solution = contact.solution
-        assert solution is not None
         end = solution.to_dataset()["position"].values[0, -1]
         np.testing.assert_allclose(end, pose(contact), atol=1e-9 * LENGTH)
         assert solution.limits() == ((), ())
@@ -517,10 +504,6 @@ def test_the_command(shell: Shell) -> None:
         (("--plane", "150,0,0:-1,0,0"), "--plane: got 150 without a unit"),
         (("--plane", "0.15,0,0:1,0,0"), "--plane: the base of amouri2019 is 150 mm beyond"),
         (
-            ("--plane", "0,0,0.6:0,0,-1", "--plane-friction", "0.1"),
-            "--plane: the home pose of amouri2019 reaches 41 mm",
-        ),
-        (
             ("--plane", "1,0,0:-1,0,0", "--plane-friction", "-1"),
             "--plane-friction: got -1; must be 0 or more",
         ),
@@ -539,28 +522,22 @@ def test_wrong_flags(shell: Shell, flags: tuple[str, ...], message: str) -> None
 
 def test_point_loads_and_forces_per_length_count() -> None:
     """They act in a contact as they do without one."""
-    robot = bs.load_robot("amouri2019")
     loads = [bs.PointLoad(force=[0.2, 0.1, 0], point=[0, 0, 0.03]), bs.PointLoad(4, [0, 0.3, 0])]
+    far, wall = (bs.Plane([x, 0, 0], [-1, 0, 0]) for x in (2.0, 0.06))
     for given in ({"point_loads": loads}, {"line_forces": [0, 0.4, 0]}):
-        far = bs.Plane([2.0, 0, 0], [-1, 0, 0])
-        free = bs.solve_contact(robot, [20, 0, 0], load=bs.Load(**given), plane=far)
-        exact = bs.solve(robot, [20, 0, 0], load=bs.Load(**given))
-        assert free.state == "separated" and free.solution is not None
-        tip = free.solution.tip.position
-        assert np.abs(tip - exact.tip.position).max() < 1e-9
-        wall = bs.Plane([0.06, 0, 0], [-1, 0, 0])
-        first = bs.solve_contact(robot, [20, 0, 0], load=bs.Load(**given), plane=wall)
+        load = bs.Load([20, 0, 0], **given)
+        free = bs.solve_contact(ROBOT, load=load, plane=far)
+        assert free.state == "separated"
+        assert np.abs(pose(free) - bs.solve(ROBOT, load=load).tip.position).max() < 1e-9
+        first = bs.solve_contact(ROBOT, load=load, plane=wall)
         assert first.state == "sliding" and first.stable
-        touching = first.solution.tip.position
-        under = bs.Load(tip_force=first.force, **given)
-        same = bs.solve(robot, [20, 0, 0], load=under)
-        assert np.abs(same.tip.position - touching).max() < 1e-9
-        rows = bs.sweep_contact(robot, [[10, 0, 0], [20, 0, 0]], load=bs.Load(**given), plane=wall)
-        assert np.abs(rows[-1].solution.tip.position - touching).max() < 1e-8
+        same = bs.solve(ROBOT, load=load.replace(tip_force=first.force))
+        assert np.abs(same.tip.position - pose(first)).max() < 1e-9
+        rows = bs.sweep_contact(ROBOT, [[10, 0, 0], [20, 0, 0]], load=bs.Load(**given), plane=wall)
+        assert np.abs(pose(rows[-1]) - pose(first)).max() < 1e-8
     follower = bs.PointLoad(force=[0.3, 0, 0], follower=True)
-    pushed = bs.solve_contact(robot, [20, 0, 0], load=bs.Load(point_loads=follower), plane=wall)
+    pushed = bs.solve_contact(ROBOT, [20, 0, 0], load=bs.Load(point_loads=follower), plane=wall)
     assert pushed.converged and pushed.stable is None
     with pytest.raises(InputError, match="same disks and points"):
-        bs.solve_contact(
-            robot, [20, 0, 0], load=bs.Load(point_loads=loads), plane=wall, previous=pushed
-        )
+        load = bs.Load([20, 0, 0], point_loads=loads)
+        bs.solve_contact(ROBOT, load=load, plane=wall, previous=pushed)

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bowstring as bs
-from bowstring import Robot, load_robot
+from bowstring import load_robot
 from bowstring.errors import InputError
 from bowstring.statics import fields
 from made_frames import made_frames
@@ -215,28 +213,6 @@ def test_every_variable_is_described():
         assert coordinate.attrs["long_name"], name
     assert data.attrs["data_origin"] == "simulated"
     assert data.attrs["robot_hash"] == ROBOT.hash
-
-
-def test_round_trip_through_netcdf(tmp_path):
-    settings = {
-        "theory": "cosserat",
-        "twist": True,
-        "damping": None,
-        "tip_force_N": [0, 0, 1.5],
-        "µ": "ü",
-    }
-    data = fields.to_dataset(
-        STEPPED,
-        made_frames(STEPPED, TIMES),
-        settings,
-        status="failed",
-        reason="the step became ½ ns",
-    )
-    data.to_netcdf(tmp_path / "run.nc")
-    back = xr.load_dataset(tmp_path / "run.nc")
-    xr.testing.assert_identical(back, data)
-    assert json.loads(back.attrs["settings"]) == settings
-    assert Robot.model_validate_json(back.attrs["robot_definition"]).hash == STEPPED.hash
 
 
 @pytest.mark.parametrize(

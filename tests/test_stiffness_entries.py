@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from tests.shell import Shell
 
 import bowstring as bs
 from bowstring.calibration import Data, fit
@@ -24,33 +22,14 @@ from bowstring.validity.loading import Loading
 from bowstring.validity.maps import validity_map
 from bowstring.validity.sentences import described
 from bowstring.validity.spread import validity_spread
+from objects import PLAIN_STIFFNESS, coupled_robot
+from shell import Shell
 
 LENGTHS, FORCE = "cc_from_lengths", "cc_from_force"
-MATRIX = np.diag([0.06, 0.09, 0.05, 900.0, 900.0, 1500.0])
+MATRIX = PLAIN_STIFFNESS.copy()
 MATRIX[1, 2] = MATRIX[2, 1] = 0.02
 MATRIX[0, 3] = MATRIX[3, 0] = 1.5
 FIELD = "segments.0.backbone.stiffness"
-
-
-def made(matrix: Any = MATRIX, segments: int = 1, **changes: Any) -> bs.Robot:
-    segment = {
-        "length": "0.4 m",
-        "backbone": {
-            "stiffness": np.asarray(matrix).tolist(),
-            "mass_per_length": "30 g/m",
-            **changes.pop("backbone", {}),
-        },
-        "disks": {
-            "count": 5,
-            "mass": "10 g",
-            "radius": "25 mm",
-            "thickness": "2 mm",
-            "clamped_length": 0.0,
-        },
-        "tendons": {"count": 3, "pitch_radius": "20 mm"},
-    }
-    whole = {"name": "coupled", "segments": [segment] * segments, **changes}
-    return bs.Robot.model_validate(whole)
 
 
 def entered(row: int, column: int, value: float) -> np.ndarray:
@@ -59,8 +38,8 @@ def entered(row: int, column: int, value: float) -> np.ndarray:
     return matrix
 
 
-ROBOT = made()
-PLAIN = made(np.diag(MATRIX.diagonal()))
+ROBOT = coupled_robot(MATRIX)
+PLAIN = coupled_robot(np.diag(MATRIX.diagonal()))
 GRAVITY = bs.Load(gravity=[1.0, 0.5, -9.81])
 
 
@@ -114,7 +93,7 @@ def test_a_map_over_an_entry_is_that_of_robots_written_out(
     found = validity_map(ROBOT, axes, load=GRAVITY, loading=Loading(points=5))
     assert found.axes[1].path == f"{FIELD}.{row}.{column}" and top == found.axes[0].stop
     for i, value in enumerate(np.linspace(*ends, 3)):
-        one = made(entered(row, column, value))
+        one = coupled_robot(entered(row, column, value))
         for k, tension in enumerate(tensions):
             command = [tension, 0.0, 0.0]
             exact = bs.solve(one, command, load=GRAVITY).raise_for_status()
@@ -160,7 +139,7 @@ def test_designs_of_several_matrices_are_single_robots() -> None:
 
 def test_a_path_keeps_the_indices_that_it_gives() -> None:
     """In a robot of two segments the end of a path means one entry in each."""
-    two = made(segments=2)
+    two = coupled_robot(MATRIX, segments=2)
     name, targets = find(two, "stiffness.0.3", ())
     assert name == "segments.*.backbone.stiffness.0.3" and len(targets) == 2
     assert full_paths(two, name) == list(targets)
@@ -197,42 +176,6 @@ def test_a_fit_finds_a_coupling_and_a_stiffness() -> None:
 
 
 # -- what is refused, and what is written ------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "field",
-    [
-        {"nu": 0.0},
-        {"density": "0 kg/m^3"},
-        {"inner_diameter": "0 mm"},
-        {"width_direction": "0 deg"},
-        {"E": "35 GPa"},
-    ],
-    ids=lambda field: next(iter(field)),
-)
-def test_what_a_matrix_replaces_is_refused_with_any_value(field: dict[str, Any]) -> None:
-    (name,) = field
-    with pytest.raises(InputError, match=f"{name}: given with stiffness"):
-        ROBOT.with_({f"segments.0.backbone.{name}": field[name]})
-
-
-def test_written_robots_of_a_matrix_are_read_again(tmp_path: Path) -> None:
-    text = to_yaml(ROBOT)
-    assert "inner_diameter" not in text and "width_direction" not in text
-    (tmp_path / "coupled.yaml").write_text(text)
-    again = bs.load_robot(tmp_path / "coupled.yaml")
-    assert again == ROBOT and again.hash == ROBOT.hash
-    for dump in (ROBOT.definition, ROBOT.model_dump_json(exclude_none=True)):
-        assert bs.Robot.model_validate_json(dump) == ROBOT
-    assert ROBOT.with_({"segments.0.length": 0.5}).with_({"segments.0.length": 0.4}) == ROBOT
-
-
-def test_rows_that_are_wrong_are_named() -> None:
-    rows = MATRIX.tolist()
-    with pytest.raises(InputError, match="got a list of 5 as row 3; write six rows"):
-        ROBOT.with_({FIELD: [*rows[:2], rows[2][:5], *rows[3:]]})
-    with pytest.raises(InputError, match='got "9 GPa" in row 4'):
-        ROBOT.with_({FIELD: [*rows[:3], [0, 0, 0, "9 GPa", 0, 0], *rows[4:]]})
 
 
 def test_solids_name_what_they_need(shell: Shell, tmp_path: Path) -> None:
