@@ -10,7 +10,7 @@ use bowstring_core::dynamics::modal::flexibility;
 use bowstring_core::math::lie;
 use bowstring_core::math::linalg::Vec3;
 use bowstring_core::model::load::{Load, OwnedLoad, PointLoad, RodModel, Theory};
-use bowstring_core::model::robot::{Profile, Robot, Section};
+use bowstring_core::model::robot::{Payload, Profile, Robot, Section};
 use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{solve_batch, sweep};
 use bowstring_core::statics::designs::sweep_designs;
@@ -925,7 +925,7 @@ fn held_forces(row: Row, count: usize) {
 #[test]
 fn refusals() {
     type Change = fn(&mut Case);
-    let refused: [(&str, Change); 12] = [
+    let refused: [(&str, Change); 13] = [
         (
             "dead force has 4 entries, it must have 9, one for each disk",
             |c| c.load.disk_forces.truncate(4),
@@ -964,6 +964,14 @@ fn refusals() {
             "angle of the principal axes of segment 1 is [NaN] rad",
             |c| section(c).principal_angle = f64::NAN,
         ),
+        ("moments of inertia of payload 1", |c| {
+            c.spec.payloads = vec![Payload {
+                disk: 0,
+                mass: 0.1,
+                centre: [0.0; 3],
+                inertia: [1e-6, 1e-6, 3e-6],
+            }]
+        }),
         // positive at the five places, but not between them
         ("torsion stiffness of segment 1 is -0.07", |c| {
             let mut sections = [*section(c); 5];
