@@ -48,6 +48,9 @@ def test_threads_do_not_change_the_solutions() -> None:
     designs = Designs(ELASTIC, {FRICTION: np.linspace(0.0, 0.2, 19)})
     one, two = (sweep_designs(designs, displacements=0.03 * RAMP, threads=n) for n in (1, 2))
     np.testing.assert_array_equal(one.tip_position, two.tip_position)
+    designs = Designs(ROBOT, {"segments.0.backbone.E": np.linspace(30e9, 40e9, 30)})
+    one, two = (sweep_designs(designs, 80.0 * np.maximum(RAMP, 0.0), threads=n) for n in (1, 2))
+    np.testing.assert_array_equal(one.tip_position, two.tip_position)
 
 
 @pytest.mark.parametrize(

@@ -406,3 +406,24 @@ def test_rounding_causes_no_jump_and_no_slip() -> None:
 def test_holes_without_bend_have_no_friction() -> None:
     straight, plain = (modes(r, [10, 10, 10]).frequency_hz for r in (WITH_FRICTION, STIFF))
     np.testing.assert_allclose(straight, plain, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("robot", "displacement"), [(RAO, 0.004), (bs.load_robot("crl-ftdcr-v4"), 0.004)]
+)
+def test_several_segments(robot: bs.Robot, displacement: float) -> None:
+    count = len(robot.tendons.end_disk)
+    displacements = np.full(count, -2 * displacement)
+    displacements[0] = displacement
+    run = simulate(
+        robot,
+        duration=0.3,
+        load=bs.Load(displacements=ramp(displacements, 0.2)),
+        integrator=bs.Integrator(mass_damping=1.0),
+        output=bs.Output(every=0.05),
+    )
+    fields = run.raise_for_status().to_dataset()
+    np.testing.assert_allclose(fields.tendon_displacement[-1], displacements, rtol=0, atol=1e-15)
+    assert float(fields.tension[:, 0].max()) > 0
+    size = float(abs(fields.work).max())
+    assert float(abs(fields.energy_balance).max()) < 2e-2 * size

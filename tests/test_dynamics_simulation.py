@@ -659,3 +659,23 @@ def test_a_tolerance_of_steps_may_be_a_length_or_a_share() -> None:
     given = [1e-5, "0.01 mm", "1e-5", f"{1e-3 / 0.641} %"]
     schemes = [bs.Integrator(tolerance=each).scheme(0.641, 1.0) for each in given]
     assert [scheme.tolerance for scheme in schemes] == pytest.approx(4 * [1e-5], rel=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
+def test_disk_forces_act_together_with_a_moment() -> None:
+    holding = np.zeros((9, 3))
+    holding[4, 0], holding[8, 1] = 2.0, 0.5
+    load: dict[str, Any] = {"tip_moment": [0.3, 0.6, 0.2], "points": 0}
+    run = simulate(ROBOT, tendon_1(10), 0.2, **objects(**load, disk_forces=holding))
+    at_rest = bs.solve(
+        ROBOT, tendon_1(10), load=bs.Load(tip_moment=load["tip_moment"])
+    ).tip.position
+    assert np.linalg.norm(run.tip_position[0] - at_rest) > 0.05  # until they are released
+    assert np.linalg.norm(run.tip_position[-1] - run.tip_position[0]) > 0.01
+    alone = np.zeros((9, 3))
+    alone[8] = [0.4, 0.5, 0.0]
+    held = simulate(ROBOT, tendon_1(10), 0.0, **objects(**load, disk_forces=alone))
+    same = bs.solve(
+        ROBOT, tendon_1(10), load=bs.Load(tip_force=alone[8], tip_moment=load["tip_moment"])
+    )
+    assert np.linalg.norm(held.tip_position[0] - same.tip.position) < 1e-5

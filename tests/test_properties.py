@@ -167,7 +167,10 @@ ROBOTS: dict[str, Row] = {
     "rods that push": changed(
         {"name": "rods"}, of("tendons", kind="rod"), design={E: [30e9, 40e9]}
     ),
-    "two segments": Row(bs.load_robot("rao2021"), {"segments.*.backbone.E": [50e9, 70e9]}),
+    "two segments": Row(
+        bs.load_robot("rao2021"),
+        {"segments.*.backbone.E": [50e9, 70e9], "segments.*.backbone.diameter": [1e-3, 1.2e-3]},
+    ),
 }
 
 # -- laws of tendons, drives and backbones -----------------------------------------------------

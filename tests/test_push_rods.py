@@ -18,6 +18,7 @@ from bowstring.calibration.table_fit import calibrate
 from bowstring.constant_curvature import RobotArcs
 from bowstring.data.measurements import read_measurements
 from bowstring.errors import InputError
+from bowstring.statics.limits import of_tensions
 from shell import Shell
 from shooting import tip_of
 from stages import Stages
@@ -334,4 +335,18 @@ def test_a_backbone_that_is_stretched_far_is_named(
     assert extension == pytest.approx(share, rel=0.1)
     told = [text for text in found.warnings() if "linearly elastic" in text]
     assert len(told) == (said is not None)
-    assert said is None or told[0].startswith(f"the tensions {said} the backbone by about 11 %")
+    assert said is None or told[0].startswith(f"the tensions {said} the backbone by about 11 %.")
+
+
+def test_of_several_poses_the_one_that_stretches_most_is_named(chambers: bs.Robot) -> None:
+    force = 0.06 * chambers.axial_stiffness[0] * np.eye(3)  # 6 % in each row, 18 % in sum
+    rows = np.vstack([-force, np.full(3, np.nan)])
+    assert of_tensions(chambers, rows, bs.RodModel()) == []
+    assert of_tensions(chambers, rows[-1], bs.RodModel()) == []
+    rows[0] *= 2.0
+    (told,) = of_tensions(chambers, rows, bs.RodModel())
+    assert "stretch the backbone by about 12 %" in told
+    assert of_tensions(chambers, rows, bs.RodModel("kirchhoff")) == []
+    rao = bs.load_robot("rao2021")
+    (told,) = of_tensions(rao, np.full(6, 0.05 * rao.axial_stiffness[0]), bs.RodModel())
+    assert "compress the backbone of segment 1 by about 30 %" in told

@@ -105,7 +105,10 @@ RELAXES = of("backbone", relaxation=0.3, second_relaxation=0.2)
             ring(end_pitch_radius="0 mm"),
             "got 0 mm, a hole inside its backbone; must be larger than",
         ),
-        (ring(pitch_radius="2 mm", kind="chamber"), "2.5 mm, or tendons_in: body for chambers in"),
+        (
+            ring(pitch_radius="2 mm", kind="chamber"),
+            "2.5 mm; chambers in a soft body need tendons_in: body",
+        ),
         (
             ring(pitch_radius="1.9 mm") | of("backbone", inner_diameter="3 mm"),
             "larger than the backbone's radius, 2.5 mm, or smaller than that of its bore, 1.5 mm",
@@ -437,6 +440,7 @@ ON_ONE = {"load": load(point_loads=[BETWEEN]), "model": ONE_ELEMENT}
             "tensions is None, and so are displacements and angles",
         ),
         (lambda: modes(MASSLESS), "no mass"),
+        (lambda: modes(ROBOT, count=0), "count"),
         # limits of displacements
         (
             lambda: bs.inverse_kinematics(ROBOT, TIP, displacement_limits=[0.01, -0.01]),

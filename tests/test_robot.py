@@ -487,6 +487,7 @@ def fields_of(part: type[Part]) -> str:
             'write for example "35 GPa".',
         ),
         ("0.3", "0.6", "backbone.nu: got 0.6; must lie between -0.99 and 0.5."),
+        ("0.3", "-1", "backbone.nu: got -1; must lie between -0.99 and 0.5."),
         (
             "nu: 0.3",
             "nu: 0.3, G: 20 GPa",
@@ -499,6 +500,11 @@ def fields_of(part: type[Part]) -> str:
             "backbone.inner_diameter: got 2 mm; must be smaller than the diameter, 2 mm.",
         ),
         ("count: 4", "count: 0", "disks.count: got 0; must be a whole number from 1 to 100000."),
+        (
+            "count: 4",
+            "count: 100001",
+            "disks.count: got 100001; must be a whole number from 1 to 100000.",
+        ),
         (
             "count: 4",
             "count: 4.5",
@@ -831,6 +837,11 @@ def test_overrides_of_whole_parts():
             "segments.3.length",
             1,
             "Override segments.3.length: there is no 3 in segments; write segments.0.",
+        ),
+        (
+            "segments.-1.length",
+            1,
+            "Override segments.-1.length: there is no -1 in segments; write segments.0.",
         ),
         (
             "segments.0.length.mm",

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bowstring as bs
 from bowstring import load_robot
 from bowstring.errors import InputError
+from bowstring.robot.model import Robot
 from bowstring.statics import fields
 from made_frames import made_frames
 
@@ -270,3 +273,25 @@ def test_rows_and_modes_have_labels_and_units() -> None:
     assert modes.displacement.dims == ("mode", "disk", "axis")
     np.testing.assert_array_equal(modes.frequency, found.frequency_hz)
     assert modes.frequency.units == "Hz" and modes.kind.values.tolist() == found.kind
+
+
+def test_round_trip_through_netcdf(tmp_path):
+    settings = {
+        "theory": "cosserat",
+        "twist": True,
+        "damping": None,
+        "tip_force_N": [0, 0, 1.5],
+        "µ": "ü",
+    }
+    data = fields.to_dataset(
+        STEPPED,
+        made_frames(STEPPED, TIMES),
+        settings,
+        status="failed",
+        reason="the step became ½ ns",
+    )
+    data.to_netcdf(tmp_path / "run.nc")
+    back = xr.load_dataset(tmp_path / "run.nc")
+    xr.testing.assert_identical(back, data)
+    assert json.loads(back.attrs["settings"]) == settings
+    assert Robot.model_validate_json(back.attrs["robot_definition"]).hash == STEPPED.hash

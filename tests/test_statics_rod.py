@@ -1,5 +1,6 @@
 """Statics from Python, against independent references, conservation laws and invalid input."""
 
+import copy
 import doctest
 import itertools
 import json
@@ -635,3 +636,15 @@ def test_the_load_of_a_solution_reproduces_it(robot):
         assert np.array_equal(again.tip.position, found.tip.position)
         assert found.model == model and hash(found.model) == hash(model)
         assert pickle.loads(pickle.dumps(model)) == model
+
+
+def test_pickle_and_copy(robot):
+    s = bs.solve(
+        robot,
+        [80, 3, 0],
+        load=bs.Load(gravity=UP, tip_force=(0, 1, 0)),
+        model=bs.RodModel("kirchhoff", elements=2),
+    )
+    for other in (pickle.loads(pickle.dumps(s)), copy.deepcopy(s)):
+        assert np.array_equal(other.tip.position, s.tip.position)
+        assert other.to_dict() == s.to_dict() and other.model.elements == 2

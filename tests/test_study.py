@@ -15,7 +15,7 @@ from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
 from bowstring.study.actuation_budget import actuation_budget
-from bowstring.study.comparison import COMPARISONS
+from bowstring.study.comparison import COMPARISONS, FITS
 from bowstring.study.run import run_study
 from bowstring.study.settings import Ramp
 from bowstring.study.shapes import backbones
@@ -288,15 +288,30 @@ def test_bad_settings(setting: str, value: object) -> None:
 # -- outputs -----------------------------------------------------------------------------------
 
 
-def test_the_errors_of_the_json_are_those_of_the_comparisons(paper: Study) -> None:
+def test_the_contract(paper: Study) -> None:
     got = paper.to_dict()
-    assert json.loads(json.dumps(got, allow_nan=False)) == got
-    for against, part in (("statics", "sweep"), ("dynamics", "dynamics")):
+    assert {"robot", "length_m", "comparisons", "verdict", "budget", "figures"} <= set(got)
+    assert got["robot"] == "amouri2019"
+    assert got["length_m"] == pytest.approx(0.641)
+    fields = ["name", "against", "n", "mean_mm", "max_mm", "rms_mm", "mean_percent"]
+    for c in got["comparisons"]:
+        assert list(c) == [*fields, "mean_by_axis_mm"]
+        assert len(c["mean_by_axis_mm"]) == 3
+    order = [(c["against"], c["name"]) for c in got["comparisons"]]
+    assert order == [
+        *((a, n) for a in ("statics", "dynamics") for n in COMPARISONS),
+        *(("statics", name) for name in FITS),
+    ]
+    assert all(c["n"] == 17 for c in got["comparisons"])
+    for against, errors in (
+        ("statics", got["sweep"]["errors_mm"]),
+        ("dynamics", got["dynamics"]["errors_mm"]),
+    ):
         for name in COMPARISONS:
-            expected = (paper.comparison(name, against).error * 1e3).tolist()
-            assert got[part]["errors_mm"][name] == expected
+            assert errors[name] == (paper.comparison(name, against).error * 1e3).tolist()
     assert got["data"] == "simulated" and got["registered"] is False
     assert got["provenance"]["robot_hash"] == paper.robot.hash
+    assert json.loads(json.dumps(got, allow_nan=False)) == got
 
 
 def test_a_study_runs_its_stages_and_reports_progress() -> None:

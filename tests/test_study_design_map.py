@@ -55,7 +55,7 @@ def test_the_axis_fits_the_robot(robot: bs.Robot, path: str, start: float, stop:
     ],
     ids=["listed", "clamped", "unequal"],
 )
-def test_a_study_has_a_map_of_any_robot(robot: bs.Robot, words: str) -> None:
+def test_any_robot_has_a_map(robot: bs.Robot, words: str) -> None:
     found = design_map(robot, Stages(robot, points=3).settings)
     assert found is not None and words in caption_of(found)
     assert all(np.isfinite(value).any() for value in found.value.values())

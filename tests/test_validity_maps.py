@@ -354,6 +354,11 @@ def test_maps_that_are_refused(
             function(robot, over, **options)
 
 
+def test_an_entry_of_a_matrix_is_an_axis_up_to_its_bound() -> None:
+    (axis,) = axes_of(coupled(), ["stiffness.1.2=0:0.386"])
+    assert axis.values[-1] == pytest.approx(0.386)
+
+
 def test_the_name_of_a_robot_is_no_robot() -> None:
     for make in (bs.workspace_map, bs.validity_spread):
         with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):

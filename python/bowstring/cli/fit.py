@@ -153,7 +153,7 @@ class _Tables:
             )
         self._robot, self._parameter, self._g = robot, parameter, g
         self._file, self._mapping, self._data, self._part = measurements, mapping, data, part
-        #: What the result states of the tables.
+        #: Provenance: entries of the result on the tables.
         self.origin: dict[str, Any] = {
             "measurements": measurements,
             "mapping": mapping if data is None else data,
@@ -188,7 +188,7 @@ class _Tables:
 
 @dataclass(frozen=True)
 class _Judged:
-    """On which rows that are not fitted the fit is judged, and beside what."""
+    """Rows on which the fit is judged, and what is judged beside it."""
 
     holdout: Annotated[
         float | None,
@@ -251,7 +251,7 @@ class _Judged:
             raise InputError(f"--folds: got {self.folds}; must be 2 or more.")
 
     def origin(self) -> dict[str, Any]:
-        """What the result states of it."""
+        """Provenance: entries of the result on the validation."""
         return {
             "holdout": self.holdout,
             "folds": self.folds,

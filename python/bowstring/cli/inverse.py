@@ -309,12 +309,11 @@ def ik(
 
 
 def _warn_of_tensions(robot: Robot, tensions: NDArray[np.float64]) -> None:
-    """Warn of what the least of the tensions (..., T) in N exceed, such as rods that buckle."""
-    import numpy as np
-
+    """Warn of rods that buckle, and of a backbone stretched far, by tensions (..., T) in N."""
     from bowstring.statics.limits import of_tensions
+    from bowstring.statics.model import RodModel
 
-    warn(*of_tensions(robot, np.fmin.reduce(np.atleast_2d(tensions))))
+    warn(*of_tensions(robot, tensions, RodModel()))
 
 
 def _check_near(flag: str, robot: Robot, points: ArrayLike) -> None:

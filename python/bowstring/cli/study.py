@@ -104,7 +104,7 @@ def _finite_elements(
 
 @dataclass(frozen=True)
 class _Written:
-    """What is written beside the report, and how much is printed."""
+    """Files of the report, and how much is printed."""
 
     out: Annotated[
         Path | None,

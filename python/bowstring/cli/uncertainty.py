@@ -44,6 +44,7 @@ def uncertainty(
     """Find how far constant curvature holds where numbers of the robot are known only roughly.
 
     Constant curvature has the numbers of the robot file, the simulated robot those of each sample.
+    Without --max-tension the sweep ends at 1.5 times the limit of the robot file's robot.
     """
     from bowstring.uncertainty import read_distributions
     from bowstring.validity.spread import validity_spread

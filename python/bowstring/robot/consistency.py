@@ -138,7 +138,7 @@ def _hole_faults(
             if inside.size:
                 which = "its backbone" if j == k else f"the backbone of segments[{j}]"
                 at = rod.at(float(fraction[inside[0]]))
-                soft = ", or tendons_in: body for chambers in a soft body"
+                soft = "; chambers in a soft body need tendons_in: body"
                 rule = _clear_of(at) + (soft if tendon.kind == "chamber" else "")
                 yield float(away[inside[0]]), name, f"inside {which}; must be {rule}"
 

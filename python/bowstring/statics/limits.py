@@ -1,6 +1,7 @@
 """Limits outside the mechanical model: the mounting plane and the strength of the material.
 
 The robot is mounted in the plane z = 0 of the base frame; a disk below it is probably impossible.
+Rods that push may buckle between disks; a backbone that is stretched far is not linearly elastic.
 A robot file may give limits of a segment's backbone, ``yield_strength`` (von Mises stress) and
 ``strain_limit`` (strain along its surface); statics stays linearly elastic beyond them.
 """
@@ -153,35 +154,43 @@ def of_pose(
     return tuple(out), tuple(uses)
 
 
-def of_tensions(robot: Robot, tensions: Floats) -> list[str]:
-    """Sentences on what the tensions alone exceed: Euler's load of rods, or small extensions.
+def of_tensions(robot: Robot, tensions: Floats, model: RodModel) -> list[str]:
+    """Sentences on rods that buckle, and on a backbone stretched beyond linear elasticity.
 
     Parameters
     ----------
     robot : Robot
-    tensions : ndarray (T,)
-        In N.
+    tensions : ndarray (..., T)
+        Of one pose or several, in N; NaN where there is no equilibrium.
+    model : RodModel
+        A rod without extension is not stretched.
 
     Returns
     -------
     list of str
     """
-    return [*_compressed_rods(robot, tensions), *_stretched_backbones(robot, tensions)]
+    rows = np.atleast_2d(tensions)
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if not len(rows):
+        return []
+    stretched = _stretched_backbones(robot, rows) if model.theory == "cosserat" else []
+    return [*_compressed_rods(robot, rows.min(axis=0)), *stretched]
 
 
 def _stretched_backbones(robot: Robot, tensions: Floats) -> list[str]:
-    """Sentence on the segment that the tensions stretch or compress most, if that is much."""
+    """Sentence on the segment that tensions (n, T) stretch or compress most, if that is much."""
     last = robot.disks.segment[robot.tendons.end_disk]
-    forces = [float(tensions[last >= k].sum()) for k in range(len(robot.segments))]
-    stretch = -np.array(forces) / robot.axial_stiffness
-    k = int(np.argmax(np.abs(stretch)))
-    if abs(stretch[k]) <= _LARGE_STRETCH:
+    passes = last[:, None] >= np.arange(len(robot.segments))
+    stretch = -(tensions @ passes) / robot.axial_stiffness
+    row, k = np.unravel_index(np.argmax(np.abs(stretch)), stretch.shape)
+    most = float(stretch[row, k])
+    if abs(most) <= _LARGE_STRETCH:
         return []
     of = f" of segment {k + 1}" * (len(robot.segments) > 1)
     return [
-        f"the tensions {'stretch' if stretch[k] > 0.0 else 'compress'} the backbone{of} by about "
-        f"{in_percent(abs(float(stretch[k])))} of its length; the model is linearly elastic, and "
-        "the force on rubber (neo-Hookean) differs from that by a tenth at 10 %, by more beyond."
+        f"the tensions {'stretch' if most > 0.0 else 'compress'} the backbone{of} by about "
+        f"{in_percent(abs(most))}. The model is linearly elastic: at 10 % its force is a tenth "
+        "off that of rubber (neo-Hookean), and further off beyond. Lower the load, or measure."
     ]
 
 

@@ -430,18 +430,17 @@ class Solution(Result):
         if not self.converged or self.disk_positions is None:
             return (), ()
         frames = partial(self._frames, limits.POINTS)
-        of_tensions = limits.of_tensions(self.robot, self.tensions)
+        of_tensions = limits.of_tensions(self.robot, self.tensions, self.model)
         warnings, uses = limits.of_pose(self.robot, self.disk_positions, frames, self.model)
         return (*of_tensions, *warnings), uses
 
     def warnings(self) -> tuple[str, ...]:
-        """Warnings: disks below the base, and limits of the backbone that are exceeded.
+        """Warnings of the pose; see `limits`.
 
         Returns
         -------
         tuple of str
-            Sentences; empty if the robot stays above its base and, where its file gives them,
-            within ``yield_strength`` and ``strain_limit``.
+            Sentences.
         """
         return self.limits()[0]
 

@@ -19,6 +19,7 @@ from bowstring.errors import InputError
 from bowstring.formatting import in_percent, listed, plain
 from bowstring.robot.model import Robot
 from bowstring.statics import limits
+from bowstring.statics.model import RodModel
 from bowstring.study.comparison import Model
 from bowstring.study.design_map import caption_of
 from bowstring.study.error_budget import Budget
@@ -210,10 +211,10 @@ class Study:
 
     @cached_property
     def _limits(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        s = self.statics
-        largest = s.tension[-1] * np.array(self.settings.shares)
+        s, settings = self.statics, self.settings
+        largest, model = s.tension[-1] * np.array(settings.shares), RodModel(settings.theory)
         found, uses = limits.of_sweep(self.robot, s.tension, s.disk_positions, s.surface.by_segment)
-        return (*limits.of_tensions(self.robot, largest), *found), uses
+        return (*limits.of_tensions(self.robot, largest, model), *found), uses
 
     @property
     def warnings(self) -> tuple[str, ...]:
