@@ -363,6 +363,37 @@ fn a_disturbed_column_has_a_limit_point_that_deflation_finds() {
         },
     );
     assert_eq!(none.branches.len(), 1);
+    // branches that go on beyond the load cross it between two points
+    let beyond = Search {
+        most: 1.3,
+        ..Search::default()
+    };
+    for all in [all, found(&robot, to, beyond)] {
+        assert_eq!(all.branches.len(), 2);
+    }
+}
+
+/// At load factor 0 a follower turns with its disk.
+#[test]
+fn a_branch_begins_with_its_followers() {
+    let robot = column(9, 0.0);
+    let follower = PointLoad {
+        disk: 8,
+        force: [2.0 * BENDING / (LENGTH * LENGTH), 0.0, 0.0],
+        follower: true,
+        ..PointLoad::default()
+    };
+    let from = OwnedLoad {
+        tensions: vec![0.0; 3],
+        point_loads: vec![follower],
+        ..OwnedLoad::default()
+    };
+    let mut to = from.clone();
+    to.tip_force = [0.0, 0.1, 0.0];
+    let path = LoadPath { from, to };
+    let all = diagram(&robot, &kirchhoff(), &path, &Search::default()).unwrap();
+    let points = &all.branches[0].points;
+    assert!(points.iter().all(|p| p.residual < 1e-10));
 }
 
 /// Three equal tensions hold a robot straight until its modules buckle between their disks, at some
