@@ -306,6 +306,7 @@ mod tests {
     use super::*;
     use crate::model::robot::Tendon;
     use crate::parts;
+    use crate::rod::estimate::TIP_TOLERANCE;
     use crate::statics::solver::{Solver, Status};
 
     /// Two segments with five tendons.
@@ -402,12 +403,24 @@ mod tests {
             let warm = step % 4 > 0;
             let found = inverse.solve(&none, &target, &limits, warm);
             assert_eq!(found.status, InverseStatus::Reached, "{step}");
-            assert!(found.distance < 1e-8);
+            assert!(found.distance < 1e-8 && found.elements == 2);
             iterations[usize::from(warm)] += found.iterations;
             let found = inverse.tensions();
             let size = |t: &[f64]| t.iter().map(|t| t * t).sum::<f64>();
             assert!(size(found) < size(&tensions) * (1.0 + 1e-6));
             assert!(found.iter().all(|t| (0.0..=30.0).contains(t)));
+            if step % 4 == 3 {
+                // the stated distance is that of the new load
+                let mut load = Load {
+                    gravity: [2.0, 0.0, -9.81],
+                    ..none
+                };
+                let found = inverse.solve(&load, &target, &limits, true);
+                load.tensions = inverse.tensions();
+                forward.solve(&load).unwrap();
+                let off = forward.tip().unwrap().position - Vec3(target.position);
+                assert!((off.norm() - found.distance).abs() < 1e-8);
+            }
         }
         assert!(iterations[1] < 2 * iterations[0], "{iterations:?}");
     }
@@ -442,6 +455,8 @@ mod tests {
             let found = inverse.solve(&load, &target, &limits, warm);
             assert_eq!(found.status, InverseStatus::Reached);
             assert!(!found.restarted);
+            let error = found.equilibrium.error.unwrap().tip;
+            assert!(error < TIP_TOLERANCE * robot.length());
             2.0 * half_square(inverse.tensions())
         };
         let beside = squares(false, 1e-3);
