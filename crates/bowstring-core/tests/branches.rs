@@ -363,13 +363,18 @@ fn a_disturbed_column_has_a_limit_point_that_deflation_finds() {
         },
     );
     assert_eq!(none.branches.len(), 1);
-    // branches that go on beyond the load cross it between two points
-    let beyond = Search {
-        most: 1.3,
-        ..Search::default()
-    };
-    for all in [all, found(&robot, to, beyond)] {
-        assert_eq!(all.branches.len(), 2);
+    // a branch more for each of Euler's loads below, also where they go on beyond the load and cross
+    // it between two points
+    for (over, most, count) in [(1.9, 1.0, 2), (1.9, 1.3, 2), (10.0, 1.0, 3)] {
+        let to = Load {
+            tip_force: [0.05 * euler, 0.0, -over * euler],
+            ..compressed(0.0)
+        };
+        let search = Search {
+            most,
+            ..Search::default()
+        };
+        assert_eq!(found(&robot, to, search).branches.len(), count);
     }
 }
 
