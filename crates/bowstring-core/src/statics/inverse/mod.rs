@@ -306,6 +306,7 @@ mod tests {
     use super::*;
     use crate::model::robot::Tendon;
     use crate::parts;
+    use crate::random::Draw;
     use crate::rod::estimate::TIP_TOLERANCE;
     use crate::statics::solver::{Solver, Status};
 
@@ -423,6 +424,27 @@ mod tests {
             }
         }
         assert!(iterations[1] < 2 * iterations[0], "{iterations:?}");
+    }
+
+    /// On a path of far targets each tip is as near as from a start of its own.
+    #[test]
+    fn far_targets_are_as_near_on_a_path_as_alone() {
+        let robot = robot();
+        let limits = Limits {
+            least: &[0.0; 5],
+            most: &[60.0; 5],
+        };
+        let solver = || InverseSolver::new(&robot, RodModel::default(), 0.0).unwrap();
+        let (mut path, mut draw) = (solver(), Draw::new(5, 0));
+        for row in 0..20 {
+            let target = Target {
+                position: [0; 3].map(|_| draw.within(-0.5, 0.5)),
+                direction: None,
+            };
+            let [own, least] = [(&mut path, true), (&mut solver(), false)]
+                .map(|(solver, warm)| solver.solve(&Load::default(), &target, &limits, warm));
+            assert!(own.distance < least.distance + 1e-6, "{row}");
+        }
     }
 
     /// In the mirror plane of a robot the symmetric tensions are a saddle: those of a target beside
