@@ -363,6 +363,42 @@ fn a_disturbed_column_has_a_limit_point_that_deflation_finds() {
         },
     );
     assert_eq!(none.branches.len(), 1);
+    // a branch more for each of Euler's loads below, also where they go on beyond the load and cross
+    // it between two points
+    for (over, most, count) in [(1.9, 1.0, 2), (1.9, 1.3, 2), (10.0, 1.0, 3)] {
+        let to = Load {
+            tip_force: [0.05 * euler, 0.0, -over * euler],
+            ..compressed(0.0)
+        };
+        let search = Search {
+            most,
+            ..Search::default()
+        };
+        assert_eq!(found(&robot, to, search).branches.len(), count);
+    }
+}
+
+/// At load factor 0 a follower turns with its disk.
+#[test]
+fn a_branch_begins_with_its_followers() {
+    let robot = column(9, 0.0);
+    let follower = PointLoad {
+        disk: 8,
+        force: [2.0 * BENDING / (LENGTH * LENGTH), 0.0, 0.0],
+        follower: true,
+        ..PointLoad::default()
+    };
+    let from = OwnedLoad {
+        tensions: vec![0.0; 3],
+        point_loads: vec![follower],
+        ..OwnedLoad::default()
+    };
+    let mut to = from.clone();
+    to.tip_force = [0.0, 0.1, 0.0];
+    let path = LoadPath { from, to };
+    let all = diagram(&robot, &kirchhoff(), &path, &Search::default()).unwrap();
+    let points = &all.branches[0].points;
+    assert!(points.iter().all(|p| p.residual < 1e-10));
 }
 
 /// Three equal tensions hold a robot straight until its modules buckle between their disks, at some

@@ -9,7 +9,7 @@ use bowstring_core::dynamics::integrator::{Integrator, Simulator};
 use bowstring_core::dynamics::modal::flexibility;
 use bowstring_core::math::lie;
 use bowstring_core::math::linalg::Vec3;
-use bowstring_core::model::load::{Load, OwnedLoad, PointLoad, RodModel, Theory};
+use bowstring_core::model::load::{Load, OwnedLoad, PointLoad, RodModel, TendonPath, Theory};
 use bowstring_core::model::robot::{Payload, Profile, Robot, Section};
 use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{solve_batch, sweep};
@@ -68,6 +68,8 @@ table! {
         derivatives(2, 2, &[2, 4, 8], 1e-7), reciprocity(2, 2, &[2, 4, 8]), probes(2, &[2, 4, 8]);
     followers_on_sections: turns(4, 4, &[2, 4, 8], 1e-12), rod_equations(4, 4, 2),
         derivatives(2, 2, &[2, 4, 8], 1e-7);
+    // models
+    continuous: works(2);
 }
 
 /// The case of a number.
@@ -163,7 +165,7 @@ mod rows {
 
     pub fn disk_moments(number: usize) -> Case {
         let mut case = disk_forces(number);
-        case.load.tip_moment = [0.05, -0.1, 0.2];
+        case.load.tip_moment = [[0.05, -0.1, 0.2], [0.0; 3]][number % 2];
         case.load.disk_moments = vectors(&mut Draw::new(12, number), 9, 0.06);
         case
     }
@@ -236,6 +238,13 @@ mod rows {
         let own = &mut case.load.point_loads[0];
         own.follower = true;
         own.moment = vectors(&mut Draw::new(17, number), 1, 0.1)[0];
+        case
+    }
+
+    /// Tendons along the backbone.
+    pub fn continuous(number: usize) -> Case {
+        let mut case = tip_forces(number);
+        case.model.tendon = TendonPath::Continuous;
         case
     }
 }

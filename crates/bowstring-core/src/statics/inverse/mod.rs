@@ -306,6 +306,8 @@ mod tests {
     use super::*;
     use crate::model::robot::Tendon;
     use crate::parts;
+    use crate::random::Draw;
+    use crate::rod::estimate::TIP_TOLERANCE;
     use crate::statics::solver::{Solver, Status};
 
     /// Two segments with five tendons.
@@ -402,14 +404,47 @@ mod tests {
             let warm = step % 4 > 0;
             let found = inverse.solve(&none, &target, &limits, warm);
             assert_eq!(found.status, InverseStatus::Reached, "{step}");
-            assert!(found.distance < 1e-8);
+            assert!(found.distance < 1e-8 && found.elements == 2);
             iterations[usize::from(warm)] += found.iterations;
             let found = inverse.tensions();
             let size = |t: &[f64]| t.iter().map(|t| t * t).sum::<f64>();
             assert!(size(found) < size(&tensions) * (1.0 + 1e-6));
             assert!(found.iter().all(|t| (0.0..=30.0).contains(t)));
+            if step % 4 == 3 {
+                // the stated distance is that of the new load
+                let mut load = Load {
+                    gravity: [2.0, 0.0, -9.81],
+                    ..none
+                };
+                let found = inverse.solve(&load, &target, &limits, true);
+                load.tensions = inverse.tensions();
+                forward.solve(&load).unwrap();
+                let off = forward.tip().unwrap().position - Vec3(target.position);
+                assert!((off.norm() - found.distance).abs() < 1e-8);
+            }
         }
         assert!(iterations[1] < 2 * iterations[0], "{iterations:?}");
+    }
+
+    /// On a path of far targets each tip is as near as from a start of its own.
+    #[test]
+    fn far_targets_are_as_near_on_a_path_as_alone() {
+        let robot = robot();
+        let limits = Limits {
+            least: &[0.0; 5],
+            most: &[60.0; 5],
+        };
+        let solver = || InverseSolver::new(&robot, RodModel::default(), 0.0).unwrap();
+        let (mut path, mut draw) = (solver(), Draw::new(5, 0));
+        for row in 0..20 {
+            let target = Target {
+                position: [0; 3].map(|_| draw.within(-0.5, 0.5)),
+                direction: None,
+            };
+            let [own, least] = [(&mut path, true), (&mut solver(), false)]
+                .map(|(solver, warm)| solver.solve(&Load::default(), &target, &limits, warm));
+            assert!(own.distance < least.distance + 1e-6, "{row}");
+        }
     }
 
     /// In the mirror plane of a robot the symmetric tensions are a saddle: those of a target beside
@@ -442,6 +477,8 @@ mod tests {
             let found = inverse.solve(&load, &target, &limits, warm);
             assert_eq!(found.status, InverseStatus::Reached);
             assert!(!found.restarted);
+            let error = found.equilibrium.error.unwrap().tip;
+            assert!(error < TIP_TOLERANCE * robot.length());
             2.0 * half_square(inverse.tensions())
         };
         let beside = squares(false, 1e-3);
