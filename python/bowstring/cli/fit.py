@@ -164,7 +164,8 @@ class _Tables:
 
     def fitted(self) -> Measurements:
         """Read the table that the model is fitted to."""
-        flag = "--part" if self._part else "--measurements" if self._data is None else "--data"
+        of_set = "--data" if self._part is None else "--part"
+        flag = "--measurements" if self._data is None else of_set
         return self.read(flag, self._file, self._part)
 
     def read(self, flag: str, file: str | Path | None, part: str | None) -> Measurements:
