@@ -365,9 +365,15 @@ fn a_disturbed_column_has_a_limit_point_that_deflation_finds() {
     assert_eq!(none.branches.len(), 1);
     // a branch more for each of Euler's loads below, also where they go on beyond the load and cross
     // it between two points
-    for (over, most, count) in [(1.9, 1.0, 2), (1.9, 1.3, 2), (10.0, 1.0, 3)] {
+    for (force, most, count) in [
+        ([0.05, 0.0, -1.9], 1.0, 2),
+        ([0.05, 0.0, -1.9], 1.3, 2),
+        ([0.1, 0.03, -1.5], 1.0, 2),
+        ([0.1, 0.03, -1.5], 1.2, 2),
+        ([0.05, 0.0, -10.0], 1.0, 3),
+    ] {
         let to = Load {
-            tip_force: [0.05 * euler, 0.0, -over * euler],
+            tip_force: force.map(|f| f * euler),
             ..compressed(0.0)
         };
         let search = Search {

@@ -397,9 +397,11 @@ impl Following {
         })
     }
 
-    /// Points of all branches at a load.
-    fn at_load(&self, load: f64) -> Vec<Vector> {
+    /// Equilibria of all branches at a load.
+    fn at_load(&mut self, load: f64) -> Vec<Vector> {
         let mut known: Vec<Vector> = vec![];
+        let mut normal = Vector::zero(self.curve.arcs());
+        normal.load = 1.0;
         for point in self.branches.iter().flat_map(|b| &b.points) {
             let near = (point.at.load - load).abs() < SAME_LOAD;
             if near && !known.iter().any(|k| k.distance(&point.at) < SAME) {
@@ -410,14 +412,28 @@ impl Following {
         for branch in &self.branches {
             for pair in branch.points.windows(2) {
                 let (a, b) = (&pair[0].at, &pair[1].at);
-                if (a.load - load) * (b.load - load) < 0.0 {
-                    let mut between = a.clone();
-                    let share = (load - a.load) / (b.load - a.load);
-                    between.add(share, b);
-                    between.add(-share, a);
-                    if !known.iter().any(|k| k.distance(&between) < SAME) {
-                        known.push(between);
-                    }
+                if (a.load - load) * (b.load - load) >= 0.0 {
+                    continue;
+                }
+                let mut between = a.clone();
+                let share = (load - a.load) / (b.load - a.load);
+                between.add(share, b);
+                between.add(-share, a);
+                self.curve.at.clone_from(&between);
+                let plane = Plane {
+                    origin: &between,
+                    normal: &normal,
+                    offset: 0.0,
+                };
+                // the chord is farther from the branch than equilibria found again may be
+                let is_corrected = self.curve.correct(&plane).is_some()
+                    && self.curve.at.distance(&between) < BESIDE_CHORD * a.distance(b);
+                let crossing = match is_corrected {
+                    true => &self.curve.at,
+                    false => &between,
+                };
+                if !known.iter().any(|k| k.distance(crossing) < SAME) {
+                    known.push(crossing.clone());
                 }
             }
         }
