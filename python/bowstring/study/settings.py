@@ -115,13 +115,12 @@ class Settings:
 
     @property
     def judged(self) -> str:
-        """Actuated tendons, and of how many combinations they are the worst."""
+        """Actuated tendons, and of how many combinations none is worse."""
         if self.tried < 2:
             return self.actuated
         alone = self.tried == len(self.shares)
-        return (
-            f"{self.actuated} (worst of {self.tried} {'' if alone else 'combinations of '}tendons)"
-        )
+        of = f"{self.tried} {'' if alone else 'combinations of '}tendons"
+        return f"{self.actuated} (none of {of} is worse)"
 
     @property
     def actuated_alone(self) -> bool:

@@ -195,7 +195,7 @@ def _formula(robot: Robot, from_force: bool) -> str | None:
     return (
         "for tendon lengths l1, l2, l3: q = l1^2 + l2^2 + l3^2 - l1 l2 - l2 l3 - l1 l3; "
         f"a = 2 asin(sqrt(q)/({in_mm(3 * n * radius)})) rad; bend angle {n} a; arc length "
-        "(l1 + l2 + l3)/3 (a/2)/sin(a/2)"
+        "(l1 + l2 + l3) a/(6 sin(a/2))"
     )
 
 
@@ -230,7 +230,7 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
         at = significant(loop.widest_at)
-        parts.append(f"at {at} N loading and unloading are {in_mm(loop.width)} apart, the most")
+        parts.append(f"loading and unloading are at most {in_mm(loop.width)} apart, at {at} N")
     assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
         yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)

@@ -112,7 +112,7 @@ EFFECTS: Final = {
         "load",
         {"gravity": _NONE},
         _gravity,
-        "gravity bends the robot",
+        "gravity acts on the robot",
     ),
     "tip_force": Effect(
         "tip force",
