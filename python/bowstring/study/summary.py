@@ -186,8 +186,8 @@ def _formula(robot: Robot, from_force: bool) -> str | None:
         by_newton = robot.length / n / float(robot.bending_stiffness[0])
         linear, softer = radius * by_newton, robot.length / n * by_newton / 12.0
         return (
-            f"for a tension F on one tendon, in N: x = {linear:.4g} F; y = 1 - {softer:.4g} F; "
-            f"bend angle {2 * n} x/(y + sqrt(y^2 + x^2/2)) rad"
+            f"for a tension F on one tendon, in N: u = {linear:.4g} F; v = 1 - {softer:.4g} F; "
+            f"bend angle {2 * n} u/(v + sqrt(v^2 + u^2/2)) rad"
         )
     angles = np.sort(np.mod(robot.tendons.angle_rad, math.tau))
     if len(angles) != 3 or np.ptp(np.diff(angles, append=angles[0] + math.tau)) > 1e-9:
