@@ -91,10 +91,7 @@ _LIBRARY = {"pyelastica": "elastica"}
 
 
 #: Pages of docs/verification whose figures are printed by hand.
-PAGES = [
-    *("benchmarks", "benchmarks-displacement", "benchmarks-motion"),
-    *("calibration", "campaigns", "finite-elements", "suite"),
-]
+PAGES = ["benchmarks", "calibration", "campaigns", "finite-elements", "suite"]
 
 
 @pytest.mark.parametrize("page", PAGES)

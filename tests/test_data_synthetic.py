@@ -437,7 +437,7 @@ def test_calibration_finds_the_truth(robot: bs.Robot, truth: Array, derivative: 
 
 
 def test_full_fits_to_a_few_benches() -> None:
-    """`python -m benchmarks.coverage` makes 300; docs/verification/calibration.md has its table."""
+    """`python -m benchmarks.coverage` makes 300; docs/verification/calibration.md has shares."""
     for found in coverage.fits(3, "soft_l1"):
         values = np.array([e.value for e in found.estimates])
         errors = np.array([e.standard_error for e in found.estimates])

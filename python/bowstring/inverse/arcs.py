@@ -33,7 +33,7 @@ def arcs_to(robot: Robot, positions: Floats, directions: Floats | None) -> Robot
     """Arcs (n, S) of the segments' own lengths whose tip is nearest to positions (n, 3).
 
     In closed form for a position and one segment; otherwise by Gauss-Newton iteration, of the arcs
-    that reach the tip those with the least sum of squared bends (theory Eq. 10.6).
+    that reach the tip those with the least sum of squared bends (theory Eq. 10.9).
     """
     if len(robot.segments) == 1 and directions is None:
         return RobotArcs.ik(robot, positions)
