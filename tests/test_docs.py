@@ -73,7 +73,6 @@ def beginner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "bench.csv",
         "foreign.csv",
         "foreign.yaml",
-        "tips.csv",
         "tip_path.csv",
     ):
         shutil.copy(ROOT / "examples" / name, tmp_path)
@@ -166,9 +165,8 @@ def test_python(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
             pytest.importorskip(library, reason=f"needs {library}", exc_type=ImportError)
     if "bs.view(" in block:
         pytest.importorskip("viser", reason="needs viser", exc_type=ImportError)
-    for library in ("gymnasium", "osqp"):
-        if library in block:
-            pytest.importorskip(library, reason=f"needs {library}", exc_type=ImportError)
+    if "gymnasium" in block:
+        pytest.importorskip("gymnasium", reason="needs gymnasium", exc_type=ImportError)
     if ">>>" in block:
         test = doctest.DocTestParser().get_doctest(block, {}, "page", None, None)
         result = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test)
