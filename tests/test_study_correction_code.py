@@ -19,9 +19,13 @@ import pytest
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
+from bowstring.study.comparison import Model
 from bowstring.study.correction_code import correction_code
+from bowstring.study.correction_polynomial import tip_polynomials
 from bowstring.study.study import Study
 from stages import Stages
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
 
 ROBOTS = {
     "amouri2019": {},
@@ -171,6 +175,35 @@ def test_polynomials_reach_the_end_of_the_sweep(
     fit, tensions = verdict.polynomials[1], np.outer([0.1, 0.5, 1.0], 20.0 * stages.model.shares)
     rod = bs.sweep(robot, tensions).raise_for_status().tip_position
     assert np.linalg.norm(fit.tip(tensions) - rod, axis=1).max() < 1.5 * fit.max_error
+
+
+@pytest.mark.parametrize(
+    ("turns", "inputs"),
+    [((0.0, 0.0, 0.0, 0.0), 3), ((0.1, 0.1, 0.1, 0.1), 3), ((0.0, 0.0, 0.0, 0.2), 4)],
+)
+def test_tensions_enter_by_their_sum_and_moments(turns: tuple[float, ...], inputs: int) -> None:
+    """Of parallel and of helical tendons; not where one of four turns about the others."""
+    tendons = [
+        {"angle": f"{90 * i} deg", "pitch_radius": "29 mm", "turns": each}
+        for i, each in enumerate(turns)
+    ]
+    changes = {"segments.0.tendons": tendons, "gravity": "0 0 -9.81 m/s^2"}
+    robot = bs.load_robot("amouri2019", changes)
+    model = Model(robot, 0, "cosserat", (1.0, 0.0, 0.0, 0.0))
+    tolerance = 0.01 * robot.length
+    _, fit = tip_polynomials(model, 30.0, tolerance)
+    assert fit.exponents.any(axis=0).sum() == inputs
+    loads = 30.0 * np.random.default_rng(3).dirichlet(np.ones(5), 50)[:, :4]
+    error = fit.tip(loads) - bs.sweep(robot, loads).raise_for_status().tip_position
+    assert np.linalg.norm(error, axis=1).max() < 1.2 * fit.max_error < 0.12 * tolerance
+
+
+def test_each_polynomial_has_its_range() -> None:
+    """At 16 N the bends still give the tip, the tensions no longer do."""
+    robot = bs.load_robot(EXAMPLES / "my_robot.yaml")
+    model = Model(robot, 0, "cosserat", (1.0, *[0.0] * 7))
+    lengths, tensions = tip_polynomials(model, 16.0, 0.01 * robot.length)
+    assert (lengths.top, tensions.top) == (16.0, 8.0)
 
 
 def test_c_has_the_same_polynomials(fitted: Found, tmp_path: Path) -> None:

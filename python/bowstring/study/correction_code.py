@@ -119,23 +119,21 @@ def correction_code(study: Study, language: Language) -> str:
 
 def _on_polynomials(study: Study) -> list[str]:
     """Range and errors in sentences."""
-    robot, top = study.robot, f"{significant(study.verdict.polynomials[0].top)} N"
+    robot, fits = study.robot, study.verdict.polynomials
     each = " of each segment" if len(robot.segments) > 1 else ""
     signs = " (chambers push, rods do both)" if robot.tendons.pushes.any() else ""
     gravity = ", ".join(f"{g:.4g}" for g in robot.gravity)
-    lines = [f"Gravity: {gravity} m/s^2."]
-    lines += [
-        f"Range: any tensions{signs}, together at most {top} in the tendons{each}, and the lengths "
-        "that"
+    lines = [
+        f"Gravity: {gravity} m/s^2.",
+        f"Range: any tensions{signs} up to a sum in the tendons{each}, and the lengths that they",
+        "give. Largest error against the rod at random loads that are not in the fit:",
     ]
-    lines += ["they give. Largest error against the rod at random loads that are not in the fit:"]
     lines += [
-        f"{source} {in_mm(fit.max_error)} (degree {fit.degree}, {len(fit.exponents)} terms)"
-        for source, fit in zip(
-            ("from lengths", "from tensions"), study.verdict.polynomials, strict=True
-        )
+        f"{source} up to {significant(fit.top)} N: {in_mm(fit.max_error)} (degree {fit.degree}, "
+        f"{len(fit.exponents)} terms)"
+        for source, fit in zip(("from lengths", "from tensions"), fits, strict=True)
     ]
-    solved = study.verdict.polynomials[0].solved
+    solved = min(fit.solved for fit in fits)
     if solved < 1.0:
         lines.append(f"{1.0 - solved:.1%} of these loads have no equilibrium and are not covered.")
     return lines

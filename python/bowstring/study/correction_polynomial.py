@@ -34,7 +34,11 @@ _HIGHEST: Final = 8  # degree
 _FEWEST: Final = 0.5  # share of the loads with an equilibrium
 _RANGES: Final = (1.0, 0.5, 0.25)  # of the largest tension, until an error is tolerated
 _ENOUGH: Final = 0.1  # share of the tolerance below which a higher degree gains nothing
+_ROUNDING: Final = 1e-9  # of the bounds of the inputs, as in the code written
 _SLACK: Final = 0.01  # of the length, by which mean tendon lengths may differ from those of the fit
+_NO_PULL: Final = (
+    1e-9  # singular value of combinations of tensions without a moment or sum, relative
+)
 _DIRECTIONS: Final = 12  # in which the bends of a segment are bounded
 
 
@@ -72,7 +76,7 @@ class TipPolynomial:
         """Tips (n, 3), m, at commands (n, T), N or m; NaN outside the range."""
         inputs = (commands - self.offset) @ self.weights.T
         out = _terms(inputs, self.exponents) @ self.coefficients
-        out[(inputs @ self.sides.T > self.limits).any(axis=1)] = math.nan
+        out[~(inputs @ self.sides.T <= self.limits + _ROUNDING).all(axis=1)] = math.nan
         return out
 
 
@@ -112,8 +116,8 @@ def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPoly
     model : Model
     top : float
         Largest sum of the sizes of the tensions in the tendons that end at one segment, N. Tendons
-        pull, chambers push, rods do both. The range ends there, or at a half or a quarter of it if
-        only then the polynomials keep within the tolerance.
+        pull, chambers push, rods do both. The range of a polynomial ends there, or at a half or a
+        quarter of it if only then it keeps within the tolerance.
     tolerance : float
         Tolerated tip error, m. The degree is the lowest that errs by a tenth of it; if none does of
         up to 8 and of at most 250 terms a coordinate, the one with the smallest error.
@@ -121,14 +125,20 @@ def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPoly
     Returns
     -------
     tuple of TipPolynomial
-        From tendon lengths, by the bends of the segments that fit them, and from tensions; empty if
-        none keeps within the tolerance.
+        From tendon lengths, by the bends of the segments that fit them, and from tensions, by their
+        sum and moments where these describe the pull; empty if one does not keep within the
+        tolerance.
     """
+    best: list[TipPolynomial | None] = [None, None]
     for share in _RANGES:
         found = _polynomials(model, share * top, tolerance)
-        if found and max(each.max_error for each in found) <= tolerance:
-            return found
-    return ()
+        for i, each in enumerate(found):
+            if best[i] is None and each.max_error <= tolerance:
+                best[i] = each
+        if None not in best:
+            break
+    both = tuple(each for each in best if each is not None)
+    return both if len(both) == len(best) else ()
 
 
 def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynomial, ...]:
@@ -149,7 +159,9 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
     bends, means = _segment_fits(robot)
     for k in range(0, len(bends), 2):  # of tendons in one plane only the first axis bends
         along = (lengths - straight) @ bends[k : k + 2].T
-        bends[k : k + 2] = np.linalg.svd(along - along.mean(axis=0))[2] @ bends[k : k + 2]
+        bends[k : k + 2] = (
+            np.linalg.svd(along - along.mean(axis=0), full_matrices=False)[2] @ bends[k : k + 2]
+        )
     inputs = (lengths - straight) @ bends.T
     scale = np.abs(inputs).max()
     # beside its bends each segment has a mean length, which only bounds the range
@@ -163,6 +175,7 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
     varied = np.zeros(len(by_length), bool)
     varied[: len(bends)] = np.ptp(inputs, axis=0) > 1e-9 * scale
 
+    pulls, of_pull = _pulls(robot)
     single = [i for i, each in enumerate(signs) if len(each) == 1]
     one_sign = np.array([-signs[i][0] * np.eye(len(of))[i] for i in single])
     sums = np.array([each for k in np.unique(of) for each in _sums(signs, of == k)])
@@ -170,10 +183,10 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
         (lengths, varied, straight, by_length, around, bounds),
         (
             tensions,
-            np.ones(len(of), bool),
+            of_pull,
             np.zeros(len(of)),
-            np.eye(len(of)) / top,
-            np.vstack([one_sign.reshape(-1, len(of)), sums]),
+            pulls / top,
+            np.vstack([one_sign.reshape(-1, len(of)), sums]) @ pulls.T,
             np.repeat([0.0, 1.0], [len(one_sign), len(sums)]),
         ),
     )
@@ -189,6 +202,25 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
             )
         )
     return tuple(out)
+
+
+def _pulls(robot: Robot) -> tuple[Floats, NDArray[np.bool_]]:
+    """Orthogonal combinations (T, T) of tensions, and which of them (T,) move the holes' pull.
+
+    The tendons of a segment pull by the sum of their tensions and by the moments at each disk, two
+    of all disks together if the holes of every disk are an image of those of the base. What leaves
+    all of them as they are hardly changes the shape.
+    """
+    of = robot.tendons.segment
+    holes = np.nan_to_num(robot.tendons.holes_m).reshape(len(of), -1)
+    combinations, pull = np.zeros((len(of), len(of))), np.zeros(len(of), bool)
+    for k in np.unique(of):
+        own = np.flatnonzero(of == k)
+        arms = holes[own] / np.abs(holes[own]).max(initial=1e-300)
+        _, sizes, rows = np.linalg.svd(np.column_stack([np.ones(len(own)), arms]).T)
+        combinations[np.ix_(own, own)] = rows
+        pull[own[: np.count_nonzero(sizes > _NO_PULL * sizes[0])]] = True
+    return combinations, pull
 
 
 def _signs(model: Model) -> list[tuple[float, ...]]:
