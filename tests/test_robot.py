@@ -959,6 +959,16 @@ def test_an_upright_robot_of_that_modulus_buckles_too():
     assert "segments[0].backbone.E = 35 MPa" in warnings[1] and "MPa, GPa" in warnings[1]
 
 
+@pytest.mark.parametrize(("beyond", "least"), [("0 mm", 0.5864), ("300 mm", 0.2897)])
+def test_a_payload_beyond_the_tip_buckles_sooner(beyond, least):
+    """Least masses (kg) at which the straight equilibrium of the rod is no longer stable."""
+    for share in (0.97, 1.1):
+        payload = {"mass": f"{share * least} kg", "centre": f"0 0 {beyond}"}
+        changes = {"gravity": "0 0 -9.81", "payloads": [payload]}
+        warnings = load_robot("amouri2019", changes).warnings
+        assert any("buckles under its own weight" in each for each in warnings) == (share > 1.0)
+
+
 @pytest.mark.parametrize("name", robot_names())
 @pytest.mark.parametrize("gravity", [0, 9.81, -9.81])
 def test_built_in_robots_give_no_warning(name, gravity):

@@ -254,6 +254,8 @@ def _buckling(robot: RobotArrays) -> Iterator[str]:
         return s / 2 - np.sin(2 * wave * s) / (4 * wave)
 
     work = float((disks.mass_kg + robot.carried_kg) @ sunk(disks.station_m))
+    for disk, mass, _, _, beyond, *_ in robot.payload_numbers:  # farther as the disk tilts
+        work += mass * beyond * np.sin(wave * disks.station_m[int(disk)]) ** 2
     energy, start = 0.0, 0.0
     for k, segment in enumerate(robot.segments):
         ends = np.array([start, start + segment.length])
