@@ -33,63 +33,60 @@ class PlanarRod:
         h, terms = self.length / self.disks, self.terms
         nodes, weights = leggauss(14)
         self.size = self.disks * terms
-        self.weights = np.tile(weights * h / 2, self.disks)
-        self.module = np.repeat(np.arange(self.disks), len(nodes))
+        self.weights = weights * h / 2
+        module = np.repeat(np.arange(self.disks), len(nodes))
         basis = [Legendre.basis(i) for i in range(terms)]
         integral = [b.integ(lbnd=-1) for b in basis]
         # angle at the quadrature points and at the disks, linear in the unknowns
-        self.angle = np.zeros((len(self.module), self.size))
+        self.angle = np.zeros((len(module), self.size))
         self.at_disk = np.zeros((self.disks + 1, self.size))
         self.stiffness = np.zeros(self.size)
         for k in range(self.disks):
             for i in range(terms):
                 column = k * terms + i
-                self.angle[self.module == k, column] = integral[i](nodes) * h / 2
+                self.angle[module == k, column] = integral[i](nodes) * h / 2
                 end = integral[i](1.0) * h / 2
-                self.angle[self.module > k, column] = end
+                self.angle[module > k, column] = end
                 self.at_disk[k + 1 :, column] = end
                 self.stiffness[column] = self.bending * h / (2 * i + 1)
 
-    def position(self, q: Floats) -> tuple[Floats, Floats, Floats]:
-        """Positions of the disks (n + 1, 2), and their first and second derivatives."""
-        phi = self.angle @ q
-        n, size = self.disks + 1, self.size
-        place, first = np.zeros((n, 2)), np.zeros((n, 2, size))
-        second = np.zeros((n, 2, size, size))
-        for k in range(self.disks):
-            here = self.module == k
-            w, b = self.weights[here], self.angle[here]
-            s, c = w * np.sin(phi[here]), w * np.cos(phi[here])
-            place[k + 1] = place[k] + [s.sum(), c.sum()]
-            first[k + 1] = first[k] + np.stack([c @ b, -s @ b])
-            second[k + 1] = second[k] + np.stack([-(b.T * s) @ b, -(b.T * c) @ b])
-        return place, first, second
+    def position(self, q: Floats) -> tuple[Floats, Floats]:
+        """Positions of the disks (n + 1, 2), and their derivatives."""
+        place, first = np.zeros((self.disks + 1, 2)), np.zeros((self.disks + 1, 2, self.size))
+        phi = (self.angle @ q).reshape(self.disks, 1, -1)
+        s, c = self.weights * np.sin(phi), self.weights * np.cos(phi)
+        b = self.angle.reshape(self.disks, -1, self.size)
+        np.cumsum(np.concatenate([s, c], axis=1).sum(axis=2), axis=0, out=place[1:])
+        np.cumsum(np.concatenate([c @ b, -s @ b], axis=1), axis=0, out=first[1:])
+        return place, first
 
     def derivatives(self, q: Floats, factor: float) -> tuple[Floats, Floats, Floats]:
         """Gradient and Hessian of the energy, and derivative of the gradient by the factor."""
-        place, first, second = self.position(q)
-        hessian = np.diag(self.stiffness)
-        by_factor = np.zeros(self.size)
-        for axis in range(2):
-            by_factor -= self.force[axis] * first[-1, axis]
-            hessian -= factor * self.force[axis] * second[-1, axis]
+        place, first = self.position(q)
+        hessian, by_factor = np.zeros((self.size, self.size)), np.zeros(self.size)
+        loads = np.zeros_like(place)  # derivatives of the potential by the positions of the disks
+        loads[-1] = -self.force
         phi = self.at_disk @ q
+        along = np.stack([np.cos(phi), -np.sin(phi)], axis=1)
+        across = np.stack([np.sin(phi), np.cos(phi)], axis=1)
+        turn = across[:, :, None] * self.at_disk[:, None, :]
         for arm, tension in zip(self.arms, self.tensions, strict=True):
-            along = np.stack([np.cos(phi), -np.sin(phi)], axis=1)
-            across = np.stack([np.sin(phi), np.cos(phi)], axis=1)
-            hole = place + arm * along
-            d_hole = first - arm * across[:, :, None] * self.at_disk[:, None, :]
-            turned = self.at_disk[:, None, :, None] * self.at_disk[:, None, None, :]
-            dd_hole = second - arm * along[:, :, None, None] * turned
-            for k in range(self.disks):
-                span, d = hole[k + 1] - hole[k], d_hole[k + 1] - d_hole[k]
-                dd = dd_hole[k + 1] - dd_hole[k]
-                size = np.hypot(*span)
-                unit = span / size
-                normal = np.array([-unit[1], unit[0]]) @ d
-                by_factor += tension * unit @ d
-                curved = np.einsum("a,aij->ij", unit, dd) + np.outer(normal, normal) / size
-                hessian += factor * tension * curved
+            span = np.diff(place + arm * along, axis=0)
+            size = np.hypot(*span.T)[:, None]
+            unit = span / size
+            left = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+            normal = (left[:, None] @ np.diff(first - arm * turn, axis=0))[:, 0]
+            hessian += tension * (normal / size).T @ normal
+            at_holes = -tension * np.diff(unit, axis=0, prepend=0.0, append=0.0)
+            loads += at_holes
+            by_factor -= arm * (at_holes * across).sum(axis=1) @ self.at_disk
+            hessian -= arm * (self.at_disk.T * (at_holes * along).sum(axis=1)) @ self.at_disk
+        by_factor += np.tensordot(loads, first, 2)
+        beyond = np.cumsum(loads[:0:-1], axis=0)[::-1, :, None]  # of all disks beyond a module
+        phi = (self.angle @ q).reshape(self.disks, -1)
+        turned = self.weights * (np.sin(phi) * beyond[:, 0] + np.cos(phi) * beyond[:, 1])
+        hessian -= (self.angle.T * turned.ravel()) @ self.angle
+        hessian = np.diag(self.stiffness) + factor * hessian
         return self.stiffness * q + factor * by_factor, hessian, by_factor
 
     def equilibrium(self, q: Floats, factor: float) -> Floats | None:
@@ -106,28 +103,31 @@ class PlanarRod:
         """Points and factors from an equilibrium until the factor leaves [0, 1]."""
         scale = self.length * np.sqrt(self.size)
         at = np.append(q * scale, factor)
-        tangent = np.zeros_like(at)
-        tangent[-1] = side
+        tangent = np.append(np.zeros(self.size), side)
+
+        def newton(point: Floats, apart: float) -> tuple[Floats, Floats]:
+            """Change that leaves a point `apart` along the tangent, and the tangent there."""
+            gradient, hessian, by_factor = self.derivatives(point[:-1] / scale, point[-1])
+            rows = np.vstack([np.column_stack([hessian / scale, by_factor]), tangent])
+            right = np.zeros((self.size + 1, 2))
+            right[:-1, 0], right[-1] = -gradient, (apart, 1.0)
+            change, along = np.linalg.solve(rows, right).T
+            return change, along / np.linalg.norm(along)
+
+        tangent = newton(at, 0.0)[1]
         points, step = [at], 0.02
         while len(points) < 4000:
-            gradient, hessian, by_factor = self.derivatives(at[:-1] / scale, at[-1])
-            rows = np.vstack([np.column_stack([hessian / scale, by_factor]), tangent])
-            new = np.linalg.solve(rows, np.append(np.zeros(self.size), 1.0))
-            tangent = new / np.linalg.norm(new)
             guess = at + step * tangent
             for _ in range(12):
-                gradient, hessian, by_factor = self.derivatives(guess[:-1] / scale, guess[-1])
-                rows = np.vstack([np.column_stack([hessian / scale, by_factor]), tangent])
-                rest = np.append(gradient, tangent @ (guess - at) - step)
-                change = np.linalg.solve(rows, rest)
-                guess = guess - change
-                if np.abs(change).max() < 1e-10:
+                change, along = newton(guess, step - tangent @ (guess - at))
+                guess = guess + change
+                if np.abs(change).max() < 1e-7:  # the error left is about its square
                     break
             else:
                 step /= 2
                 assert step > 1e-7
                 continue
-            at = guess
+            at, tangent = guess, along
             points.append(at)
             step = min(1.5 * step, 0.05)
             if not 0.0 <= at[-1] <= 1.0:

@@ -166,11 +166,11 @@ def test_numbers_of_a_comparison(remembered: ModelComparison) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("by_displacement", "memory"), BENCHES)
 def test_memories_are_found_and_none_is_invented(by_displacement: bool, memory: str) -> None:
-    """A small version of `python -m benchmarks.model_choice`; 100 % of these were right."""
-    found = [compared(by_displacement, memory, seed, 90) for seed in range(100, 104)]
+    """A small version of `python -m benchmarks.model_choice`, where all of these were right."""
+    found = [compared(by_displacement, memory, seed, 90) for seed in (100, 101)]
     expected = None if memory == "none" else f"rod_{memory}"
     names = [None if each.memory is None else each.memory.name for each in found]
-    assert names == [expected] * 4
+    assert names == [expected] * 2
 
 
 def test_a_memory_that_cannot_be_fitted_has_a_reason(robot: Robot) -> None:

@@ -143,17 +143,20 @@ def missing_planar(seed: int) -> int:
     assert last is not None
     own = found.branches[0].tip_position[found.branches[0].at(1.0)[-1]][[0, 2]]
     assert np.linalg.norm(planar.tip(last) - own) < 1e-5 * LENGTH
-    # the others, and the limit points between them
+    # the others, and the limit points between them; a branch may join two equilibria
     theirs = planar.equilibria(30, seed)
     tips = np.array([planar.tip(q) for q in theirs])
     apart = np.linalg.norm(ours[:, None] - tips[None], axis=2)
     missing = int((apart.min(axis=0) > 2e-5 * LENGTH).sum())
-    limits: list[float] = []
+    limits, ends = limit_points(factors), [planar.tip(last)]
     if missing == 0:
-        for q in theirs:
-            for side in (-1.0, 1.0):
-                at_limit = limit_points(planar.branch(q, 1.0, side)[1])
-                limits += [x for x in at_limit if 0 < x < 1]
+        for q, tip in zip(theirs, tips, strict=True):
+            if np.linalg.norm(tip - ends, axis=1).min() > 1e-5 * LENGTH:
+                points, factors = planar.branch(q, 1.0, -1.0)
+                limits += limit_points(factors)
+                end = planar.equilibrium(points[-1], 1.0)
+                assert end is not None and factors[-1] > 1.0
+                ends.append(planar.tip(end))
         got = np.array([e.factor for b in flat for e in b.events if e.kind == "limit_point"])
         assert all(np.abs(got - limit).min() < 1e-4 for limit in limits), (seed, got, limits)
     return missing

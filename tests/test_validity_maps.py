@@ -497,6 +497,7 @@ def solved_loads(space: design_space.DesignSpace, points: np.ndarray) -> list[np
     return out
 
 
+@pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize(
     ("over", "top", "metric"),
     [

@@ -133,6 +133,8 @@ def _hole_faults(
             yield float(away.max()), name, fault
         elif s.tendons_in == "disks":
             rod = s.backbone
+            if away.min() > rod.outer_diameter:
+                continue  # clear of the circle around any section
             solid = rod.encloses(holes, fraction) & ~rod.in_bore(holes, fraction)
             inside = np.flatnonzero(solid)
             if inside.size:
@@ -162,12 +164,12 @@ def _routes(parts: tuple[Segment, ...], k: int, tendon: Tendon) -> Iterator[tupl
     By segments from the base, each with the hole where it begins.
     """
     if tendon.is_parallel:
-        x, y = tendon.holes([1.0])[0]
+        r, angle = tendon.pitch_radius, tendon.angle
         for s in parts[: k + 1]:
             ends = [0.0, 1.0]
             if s.backbone.is_tapered:
                 ends = [0.0, *(p / s.length for p in s.disk_positions)]
-            yield np.broadcast_to((x, y), (len(ends), 2)), np.array(ends)
+            yield np.array([(r * math.cos(angle), r * math.sin(angle))] * len(ends)), np.array(ends)
         return
     stations = _stations(parts, k)
     holes = tendon.holes(np.concatenate(stations))
@@ -202,6 +204,8 @@ def _routing_problem(parts: tuple[Segment, ...], k: int) -> str:
 def _winding_problem(parts: tuple[Segment, ...], k: int) -> str:
     """Check that tendons do not wind too fast for the places where they are held."""
     s = parts[k]
+    if all(tendon.is_parallel for tendon in s.tendon_list):
+        return ""
     station = np.concatenate(_stations(parts, k))
     if np.any(np.diff(station, prepend=0.0) <= 0):
         return ""  # reported with the positions

@@ -32,13 +32,12 @@ MOST_TERMS: Final = 250
 """Largest number of terms of a coordinate; more are no code to paste."""
 _HIGHEST: Final = 8  # degree
 _FEWEST: Final = 0.5  # share of the loads with an equilibrium
+_TRIED: Final = 500  # first loads that tell whether so many have one, as a load without takes long
 _RANGES: Final = (1.0, 0.5, 0.25)  # of the largest tension, until an error is tolerated
 _ENOUGH: Final = 0.1  # share of the tolerance below which a higher degree gains nothing
 _ROUNDING: Final = 1e-9  # of the bounds of the inputs, as in the code written
 _SLACK: Final = 0.01  # of the length, by which mean tendon lengths may differ from those of the fit
-_NO_PULL: Final = (
-    1e-9  # singular value of combinations of tensions without a moment or sum, relative
-)
+_NO_PULL: Final = 1e-9  # singular value of tensions without sum and moments, over the largest
 _DIRECTIONS: Final = 12  # in which the bends of a segment are bounded
 
 
@@ -146,12 +145,13 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
     of = robot.tendons.segment
     signs = _signs(model)
     tensions = _random_tensions(of, signs, top)
-    found = rod.solve_batch(
-        robot, tensions, load=model.main.load, model=model.main.model, disks=False
-    )
-    good = np.asarray(found.converged)
-    if good.mean() < _FEWEST:
-        return ()
+    for count in (_TRIED, len(tensions)):
+        found = rod.solve_batch(
+            robot, tensions[:count], load=model.main.load, model=model.main.model, disks=False
+        )
+        good = np.asarray(found.converged)
+        if good.mean() < _FEWEST:
+            return ()
     held_out = (np.arange(len(tensions)) >= _FITTED)[good]
     lengths, tensions = np.asarray(found.tendon_lengths)[good], tensions[good]
 
@@ -159,9 +159,8 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
     bends, means = _segment_fits(robot)
     for k in range(0, len(bends), 2):  # of tendons in one plane only the first axis bends
         along = (lengths - straight) @ bends[k : k + 2].T
-        bends[k : k + 2] = (
-            np.linalg.svd(along - along.mean(axis=0), full_matrices=False)[2] @ bends[k : k + 2]
-        )
+        _, _, axes = np.linalg.svd(along - along.mean(axis=0), full_matrices=False)
+        bends[k : k + 2] = axes @ bends[k : k + 2]
     inputs = (lengths - straight) @ bends.T
     scale = np.abs(inputs).max()
     # beside its bends each segment has a mean length, which only bounds the range
