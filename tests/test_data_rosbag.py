@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import bowstring as bs
 from bowstring.data.measurements import Measurements, read_measurements
-from bowstring.data.rosbag import read_topic
+from bowstring.data.rosbag import read_topic, topics
 from bowstring.errors import InputError
 
 writer = pytest.importorskip("mcap.writer", reason="needs the extra rosbag")
@@ -246,6 +246,31 @@ def test_stamps_before_zero(tmp_path: Path) -> None:
             write("/a", 0, {"header": {"stamp": {"sec": seconds, "nanosec": parts}}, "x": 0})
     columns, _ = read_topic(path, path.read_bytes(), "/a")
     assert columns["time"] == ["-4.500000000", "-0.750000000", "1.000000000"]
+
+
+@pytest.mark.parametrize("damaged", [b'{"x": 1', b"\xff", b"[" * 100_000])
+def test_messages_that_cannot_be_decoded_are_left_out(tmp_path: Path, damaged: bytes) -> None:
+    path = tmp_path / "run.mcap"
+    with json_bag(path) as write:
+        write("/a", 0, damaged)
+        for k in (1, 2):
+            write("/a", k, {"x": k})
+        write("/b", 3, damaged)
+    columns, notes = read_topic(path, path.read_bytes(), "/a")
+    assert columns["/a.x"] == ["1", "2"]
+    assert notes[1].startswith("1 of 3 messages of /a cannot be decoded, and are left out: ")
+    assert topics(path, path.read_bytes()) == ["/a"]
+    with pytest.raises(InputError, match="this bag cannot be read: "):
+        read_topic(path, path.read_bytes(), "/b")
+
+
+def test_numbers_of_one_name_are_pointed_out(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with json_bag(path) as write:
+        write("/a", 0, {"x_1": 1, "x": [2, 3], "y": 4})
+    columns, notes = read_topic(path, path.read_bytes(), "/a")
+    assert columns["/a.x_1"] == ["2"] and columns["/a.x_2"] == ["3"]
+    assert 'have the same name, the last one is read: "/a.x_1"' in notes[-1]
 
 
 def _with(folder: Path, text: str, old: str, new: str) -> Path:

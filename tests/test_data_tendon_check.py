@@ -274,7 +274,9 @@ def test_measured_angles(public_data: Callable[[str], Path]) -> None:
             "segments.0.tendons": tendons,
         }
     )
-    assert check_tendons(robot, data).found == "as_stated"
+    as_stated = check_tendons(robot, data)
+    assert as_stated.found == "as_stated"
+    assert as_stated.sentence.startswith("The tip's rotation agrees with the tendon order")
     for pair in combinations((1, 2, 3), 2):
         found = check_tendons(robot, reordered(data, *pair))
         assert found.found == "mirrored" and found.tendons == pair

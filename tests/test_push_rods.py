@@ -18,7 +18,7 @@ from bowstring.calibration.table_fit import calibrate
 from bowstring.constant_curvature import RobotArcs
 from bowstring.data.measurements import read_measurements
 from bowstring.errors import InputError
-from bowstring.statics.limits import of_tensions
+from bowstring.statics.limits import buckled_or_stretched
 from shell import Shell
 from shooting import tip_of
 from stages import Stages
@@ -338,15 +338,41 @@ def test_a_backbone_that_is_stretched_far_is_named(
     assert said is None or told[0].startswith(f"the tensions {said} the backbone by about 11 %.")
 
 
+@pytest.mark.parametrize("points", [0, 2])
+def test_a_motion_names_its_largest_tensions(chambers: bs.Robot, points: int) -> None:
+    """They lie between two outputs; rows of fields have those at the outputs alone."""
+    each = 0.12 * chambers.axial_stiffness[0] / 3 * np.ones(3)
+    table = bs.dynamics.Table([0.0, 0.05, 0.1], [0 * each, -each, 0 * each])
+    options = {"model": bs.RodModel(elements=1), "output": bs.Output(every=0.05, points=points)}
+    run = bs.simulate(chambers, table, 0.1, **options)
+    (told,) = run.exceeded
+    assert told.startswith("the tensions stretch the backbone by about 12 %.")
+    assert bs.simulate(chambers, table, 0.03, **options).exceeded == ()
+
+
+def test_commands_warn_of_a_stretched_backbone_in_the_same_words(
+    chambers: bs.Robot, tmp_path: Path, shell: Shell
+) -> None:
+    force = -0.12 * chambers.axial_stiffness[0] / 3
+    given = [str(tmp_path / "robot.yaml"), "--tension", ",".join(3 * [f"{force:.6g}"])]
+    flags = {"solve": [], "modes": [], "simulate": ["--rise", "0.1", "--hold", "0"]}
+    _, _, told = shell("solve", *given)
+    assert "the tensions stretch the backbone by about 12 %." in " ".join(told.split())
+    for command, more in flags.items():
+        assert shell(command, *given, *more)[2] == told
+        (said,) = shell.json(command, *given, *more)["warnings"]
+        assert "the tensions stretch the backbone by about 12 %." in said
+
+
 def test_of_several_poses_the_one_that_stretches_most_is_named(chambers: bs.Robot) -> None:
     force = 0.06 * chambers.axial_stiffness[0] * np.eye(3)  # 6 % in each row, 18 % in sum
     rows = np.vstack([-force, np.full(3, np.nan)])
-    assert of_tensions(chambers, rows, bs.RodModel()) == []
-    assert of_tensions(chambers, rows[-1], bs.RodModel()) == []
+    assert buckled_or_stretched(chambers, rows, bs.RodModel()) == []
+    assert buckled_or_stretched(chambers, rows[-1], bs.RodModel()) == []
     rows[0] *= 2.0
-    (told,) = of_tensions(chambers, rows, bs.RodModel())
+    (told,) = buckled_or_stretched(chambers, rows, bs.RodModel())
     assert "stretch the backbone by about 12 %" in told
-    assert of_tensions(chambers, rows, bs.RodModel("kirchhoff")) == []
+    assert buckled_or_stretched(chambers, rows, bs.RodModel("kirchhoff")) == []
     rao = bs.load_robot("rao2021")
-    (told,) = of_tensions(rao, np.full(6, 0.05 * rao.axial_stiffness[0]), bs.RodModel())
+    (told,) = buckled_or_stretched(rao, np.full(6, 0.05 * rao.axial_stiffness[0]), bs.RodModel())
     assert "compress the backbone of segment 1 by about 30 %" in told

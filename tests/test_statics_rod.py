@@ -22,7 +22,7 @@ from scipy.special import ellipe, ellipk
 import bowstring as bs
 from bowstring.dynamics.simulation import simulate
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
-from bowstring.statics.messages import of_tensions
+from bowstring.statics.messages import of_solution
 from objects import objects
 
 ROBOT = bs.load_robot("amouri2019")
@@ -478,13 +478,13 @@ def ended(status, collision, residual):
 
 @pytest.mark.parametrize(("case", "part"), MESSAGES.items())
 def test_messages(case, part):
-    text = of_tensions(ended(case[0], case[1], 1e-3))
+    text = of_solution(ended(case[0], case[1], 1e-3))
     assert part in text and text.endswith(".") and "nan" not in text
 
 
 @pytest.mark.parametrize("residual", [float("nan"), float("inf")])
 def test_the_message_of_no_solution_makes_no_false_promise(residual):
-    text = of_tensions(ended("max_iterations", None, residual))
+    text = of_solution(ended("max_iterations", None, residual))
     assert "An actuated tendon" in text and "at its limit" in text and "Lower the load" in text
     assert not any(word in text for word in ("sweep", "elements", "residual", "nan", "inf "))
 
@@ -493,7 +493,7 @@ def test_the_message_of_no_solution_makes_no_false_promise(residual):
 def test_a_moment_is_blamed_only_where_there_is_one(moment):
     found = ended("converged", None, 1e-12)
     found.tip_moment, found.disk_moments, found.point_loads = moment, None, None
-    text = of_tensions(found)
+    text = of_solution(found)
     blamed = moment is not None and any(moment)
     assert ("a dead moment has no potential" in text) == blamed
     assert "too few elements to decide" in text

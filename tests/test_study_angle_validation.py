@@ -72,6 +72,22 @@ def test_a_turned_sensor_is_no_error_of_the_model() -> None:
     assert found.comparison("cc_from_lengths", "as_measured").score.mean > 1.2 * registered
 
 
+@pytest.mark.parametrize("degrees", [7, 90, 180])
+def test_angles_that_are_turned_far_are_a_doubt(
+    degrees: float, shell: Shell, tmp_path: Path
+) -> None:
+    """The fitted frame would hide a wrong sign of the displacements."""
+    data = made(3)
+    assert data.direction is not None
+    turned = replace(data, direction=data.direction + np.radians(degrees))
+    doubts = judge_angles(ROBOT, turned, 0.01).doubts
+    assert len(doubts) == (degrees > 20)
+    assert all("the sign of the displacements is wrong" in each for each in doubts)
+    table = write_measurements(turned, tmp_path / "angles.csv")
+    checked = " ".join(shell("bench", "check", str(table), "--robot", "amouri2019")[1].split())
+    assert (f"a base turned by {degrees} degrees" in checked) == (degrees > 20)
+
+
 def test_tensions() -> None:
     """The rod has the angles of its equilibria; lengths are those of the calibrated rod."""
     robot = ROBOT.with_({"gravity": [0, 0, -9.81]})

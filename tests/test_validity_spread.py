@@ -187,6 +187,7 @@ def test_samples_that_hold_nowhere_are_counted() -> None:
     assert lost.to_dict()["exceeded_at_first_load_percent"] == pytest.approx(100.0 * share)
     words = f"In {100.0 * share:.0f} % of the samples constant curvature from force exceeds 1 %"
     assert lost.text[0].startswith(words) and "up to 0 N" not in lost.text[0]
+    assert lost.limit_text == f"0 N in {100.0 * share:.0f} % of the samples"
     numbers["gravity.x"] = {"normal": {"mean": 0.0, "sd": 0.8}}
     few = validity_spread(ROBOT, numbers, points=256)
     assert 0.025 < few.share_exceeded < 0.5

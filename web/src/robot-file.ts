@@ -195,6 +195,7 @@ class Fields {
     for (const [name, value] of this.left) {
       if (COMPILED_ONLY.has(name) && numberOf(value) === 0) continue;
       if (name === "tendons_in" && value === "disks") continue;
+      if (name === "kind" && value === "tendon") continue;
       if (WITHOUT_EFFECT.has(name)) continue;
       if (Object.hasOwn(LAWS, name)) {
         const [without, sentence] = LAWS[name];
@@ -273,7 +274,7 @@ function evenly(count: number, length: number): number[] {
 function readTendon(fields: Fields, angle: number): Tendon {
   return {
     angle,
-    pitchRadius: fields.number("pitch_radius", "m", SIZE),
+    pitchRadius: fields.number("pitch_radius", "m", [0, 100]),
     pretension: fields.number("pretension", "N", [0, 1e9], 0),
     compliance: fields.number("compliance", "m/N", [0, 1000], 0),
     axialStiffness: fields.number("axial_stiffness", "N", [1e-3, 1e12], Infinity),
@@ -377,7 +378,7 @@ export function readRobotFile(text: string, fallbackName: string): RobotFile {
   robot.leftOut.push(...leftOut);
   if (robot.gravity.length !== 3) fields.fail("gravity", "must be three numbers, x y z");
   checkSize(robot);
-  if (robot.segments.every((segment) => segment.tendons.length === 0)) fields.fail("segments", "have no tendon");
+  if (mainNumbers(robot).pitchRadius === 0) fields.fail("segments", "have no tendon beside the axis");
   return robot;
 }
 
@@ -411,7 +412,7 @@ export function mainNumbers(robot: RobotFile): MainNumbers {
     length: robot.segments.reduce((sum, segment) => sum + segment.length, 0),
     diameter: first.backbone.diameter,
     E: first.backbone.E,
-    pitchRadius: tendons[0].pitchRadius,
+    pitchRadius: tendons.find((tendon) => tendon.pitchRadius > 0)?.pitchRadius ?? 0,
     disks: first.disks.positions.length,
   };
 }
@@ -461,6 +462,7 @@ export function bendingStiffness({ E, diameter, innerDiameter }: Backbone): numb
 export function compiled(robot: RobotFile): string {
   let start = 0;
   let disksBefore = 0;
+  const shortestArm = 1e-3 * robot.segments.reduce((sum, segment) => sum + segment.length, 0);
   const rows = robot.segments.map((segment, index) => {
     const { backbone, disks } = segment;
     const square = (d: number) => d * d;
@@ -494,7 +496,7 @@ export function compiled(robot: RobotFile): string {
         end_disk: end,
         compliance_m_per_N: t.compliance + (t.freeLength + from + segment.length) / t.axialStiffness,
         pretension_N: t.pretension,
-        max_tension_N: (Math.PI * bending) / (segment.length * t.pitchRadius),
+        max_tension_N: (Math.PI * bending) / (segment.length * Math.max(t.pitchRadius, shortestArm)),
       })),
     };
   });

@@ -196,9 +196,26 @@ test("robots that fit writes are read, and their laws are named as left out", ()
 
 test("fields at zero are as left out", () => {
   const zeros = "rest_bend: 0.0 rad\n      width_direction: 0.0 rad\n      hysteresis: 0.0\n      nu: 0.3";
-  const more = "count: 3\n      backlash: 0.0 m\n      turns: 0.0\n      friction: 0.0\n";
+  const more = "count: 3\n      kind: tendon\n      backlash: 0.0 m\n      turns: 0.0\n      friction: 0.0\n";
   const text = GOOD().replace("nu: 0.3", zeros).replace("count: 3\n", more);
   assert.equal(files.compiled(files.readRobotFile(text, "x")), files.compiled(files.readRobotFile(GOOD(), "x")));
+});
+
+test("a tendon on the axis of a tube is read, and others scale beside it", () => {
+  const text = `segments:
+  - length: 200 mm
+    backbone: {diameter: 4 mm, inner_diameter: 3 mm, E: 1 GPa, nu: 0.3, density: 1000 kg/m^3}
+    disks: {count: 5, mass: 1 g, radius: 10 mm, thickness: 1 mm}
+    tendons: [{angle: 0 deg, pitch_radius: 0 mm}, {angle: 0 deg, pitch_radius: 5 mm}]
+`;
+  const robot = files.readRobotFile(text, "x");
+  const most = JSON.parse(files.compiled(robot)).tendons.map((tendon) => tendon.max_tension_N);
+  const exported = [674.6799883557179, 26.987199534228715]; // by bowstring export
+  most.forEach((tension, i) => assert.ok(Math.abs(tension / exported[i] - 1) < 1e-12));
+  const wider = files.withMainNumbers(robot, { ...files.mainNumbers(robot), pitchRadius: 6e-3 });
+  assert.deepEqual(wider.segments[0].tendons.map((tendon) => tendon.pitchRadius), [0, 6e-3]);
+  const alone = text.replace(", {angle: 0 deg, pitch_radius: 5 mm}", "");
+  assert.throws(() => files.readRobotFile(alone, "x"), /segments: have no tendon beside the axis$/);
 });
 
 test("links name the page's own robots only", () => {

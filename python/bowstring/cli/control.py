@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from bowstring.schemas.basic import OfRobot
     from bowstring.statics.load import Load
     from bowstring.validity.control import ControlErrors
+    from bowstring.validity.reach import Reach
+    from bowstring.validity.workspace import WorkspaceMap
 
 
 _COLUMNS = 3  # corrections in the table, beside the last one
@@ -169,7 +171,13 @@ def _settings(loads: Load) -> dict[str, Any]:
     return {"gravity_m_per_s2": loads.gravity, "tip_force_N": loads.tip_force}
 
 
-def _print(found: Any, file: str | None, made: OfRobot, as_json: bool, *tables: Table) -> None:
+def _print(
+    found: ControlErrors | Reach | WorkspaceMap,
+    file: str | None,
+    made: OfRobot,
+    as_json: bool,
+    *tables: Table,
+) -> None:
     text = found.described()
     if as_json:
         return write_json({**made, **found.to_dict(), "text": text, "file": file})

@@ -38,6 +38,7 @@ from bowstring.cli.output import (
     new_table,
     progress_bar,
     provenance_of,
+    warn,
     write_json,
     write_tables,
 )
@@ -411,6 +412,7 @@ def simulate(
         if as_json:
             write_json(_run_json(run, every, files))
         else:
+            warn(*run.exceeded)
             write_tables(*_run_tables(run, files))
     except KeyboardInterrupt:
         if run is None:
@@ -484,7 +486,11 @@ def modes(
             none: dict[str, Any] = {"modes": [], "disks": [], **provenance, "folder": None}
             write_json({"status": error.status, "tensions_N": plain(load.tensions), **none})
         raise
+    from bowstring.statics.limits import buckled_or_stretched
+
+    exceeded = buckled_or_stretched(robot, found.tensions, rod)
     content: dict[str, Any] = {**found.to_dict(), **provenance}
+    content["warnings"] = [*robot.warnings, *exceeded]
     folder = None
     if out is not None:
         with progress_bar("pictures") as notify:
@@ -494,6 +500,7 @@ def modes(
     content["folder"] = folder
     if as_json:
         return write_json(content)
+    warn(*exceeded)
     found_modes = new_table(">mode", ">frequency Hz", "kind")
     for i, (frequency, kind) in enumerate(zip(found.frequency_hz, found.kind, strict=True), 1):
         found_modes.add_row(str(i), f"{frequency:.5g}", kind)
@@ -525,7 +532,7 @@ def _run_json(run: Run, every: float, files: Mapping[str, Path | None]) -> schem
         "message": run.message,
         "files": plain(files),
         **provenance_of(run.robot, **run.settings),
-        "warnings": [*run.robot.warnings, *run.warnings],
+        "warnings": [*run.robot.warnings, *run.warnings, *run.exceeded],
     }
 
 

@@ -310,10 +310,10 @@ def ik(
 
 def _warn_of_tensions(robot: Robot, tensions: NDArray[np.float64]) -> None:
     """Warn of rods that buckle, and of a backbone stretched far, by tensions (..., T) in N."""
-    from bowstring.statics.limits import of_tensions
+    from bowstring.statics.limits import buckled_or_stretched
     from bowstring.statics.model import RodModel
 
-    warn(*of_tensions(robot, tensions, RodModel()))
+    warn(*buckled_or_stretched(robot, tensions, RodModel()))
 
 
 def _check_near(flag: str, robot: Robot, points: ArrayLike) -> None:

@@ -46,22 +46,27 @@ def other_bag(data: bytes) -> str:
 
 
 def topics(path: Path, data: bytes) -> list[str]:
-    """Topics whose first message has numbers, in the order of the first messages.
+    """Topics whose first decoded message has numbers, in the order of the first messages.
 
     Raises
     ------
     InputError
-        If the file cannot be read.
+        If the file cannot be read, or none of its messages.
     """
     found: dict[str, bool] = {}
+    first: Exception | None = None
     with library_errors(f"{path}: this bag cannot be read", kind=True):
         for topic, _, decoded in _messages(path, data, None):
-            if topic not in found:
+            if isinstance(decoded, Exception):
+                first = first or decoded
+            else:
                 found[topic] = any(True for _ in _numbers(decoded, topic))
+        if first is not None and not found:
+            raise first
     return [topic for topic, has_numbers in found.items() if has_numbers]
 
 
-def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]], str]:
+def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]], list[str]]:
     """Read the numbers of the messages of a topic.
 
     Parameters
@@ -79,8 +84,8 @@ def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]
         ``/topic.data_1``, ``/topic.data_2`` and so on for an array; entries that have names, as
         those of joints and transforms, by these. Rows are in the order of time; a number that a
         message does not have is blank.
-    str
-        What the time is.
+    list of str
+        Sentences on what the time is, on messages that are left out, and on numbers of one name.
 
     Raises
     ------
@@ -89,9 +94,17 @@ def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]
     """
     rows: list[tuple[int, int | None, Row]] = []
     names: dict[str, None] = {}
+    first, lost, twice = None, 0, dict[str, None]()
     with library_errors(f"{path}: this bag cannot be read", kind=True):
         for _, logged, decoded in _messages(path, data, topic):
-            row = dict(islice(_numbers(decoded, topic), _MOST_COLUMNS + 1))
+            if isinstance(decoded, Exception):
+                first, lost = first or decoded, lost + 1
+                continue
+            row: Row = {}
+            for name, number in islice(_numbers(decoded, topic), _MOST_COLUMNS + 1):
+                if name in row:
+                    twice[name] = None
+                row[name] = number
             rows.append((logged, _stamp(decoded), row))
             names |= dict.fromkeys(row)
             if len(names) > _MOST_COLUMNS:
@@ -99,6 +112,8 @@ def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]
                     f"{path}: the messages of {quote(topic)} have more than {_MOST_COLUMNS} "
                     "different numbers; a table has one column for each, name another topic"
                 )
+        if first is not None and not rows:
+            raise first
     if not names:
         raise InputError(
             f"{path}: there are no numbers of a topic {quote(topic)}; topics with numbers: "
@@ -110,13 +125,26 @@ def read_topic(path: Path, data: bytes, topic: str) -> tuple[dict[str, list[str]
     columns = {_TIME: [_seconds(times[i]) for i in order]}
     columns |= {name: [rows[i][2].get(name, "") for i in order] for name in names}
     what = "the stamp of its header" if is_stamped else "the time at which it was recorded"
-    return columns, f"time of a message of {topic} is {what}"
+    notes = [f"time of a message of {topic} is {what}"]
+    if first is not None:
+        why = " ".join(f"{type(first).__name__} {first}".split())[:200]
+        whole = len(rows) + lost
+        notes.append(
+            f"{lost} of {whole} messages of {topic} cannot be decoded, and are left out: {why}"
+        )
+    if twice:
+        notes.append(
+            f"several numbers of a message have the same name, the last one is read: "
+            f"{in_words(list(twice))}"
+        )
+    return columns, notes
 
 
 def _messages(path: Path, data: bytes, topic: str | None) -> Iterator[tuple[str, int, Any]]:
-    """Topic, time of recording (ns) and content of the messages that can be decoded.
+    """Topic, time of recording (ns) and content of messages, or why it cannot be decoded.
 
-    Without a topic only the first message of each.
+    Without a topic those of each up to the first that can be. Encodings that are not read are left
+    out.
     """
     reader = load_extra("rosbag", "mcap.reader").make_reader(io.BytesIO(data))
     decoders = [
@@ -136,11 +164,17 @@ def _messages(path: Path, data: bytes, topic: str | None) -> Iterator[tuple[str,
         )
     asked = [topic] if topic else list(dict.fromkeys(c.topic for c in summary.channels.values()))
     for each in asked:
-        found = reader.iter_messages(topics=[each])
-        for schema, channel, message in islice(found, None if topic else 1):
-            decode = _decoder(path, decoders, channel.message_encoding, schema)
+        for schema, channel, message in reader.iter_messages(topics=[each]):
+            try:
+                decode = _decoder(path, decoders, channel.message_encoding, schema)
+                content = None if decode is None else decode(message.data)
+            except Exception as error:  # of any kind: a damaged message
+                yield each, message.log_time, error
+                continue
             if decode is not None:
-                yield each, message.log_time, decode(message.data)
+                yield each, message.log_time, content
+            if topic is None:
+                break
 
 
 def _decoder(

@@ -483,8 +483,8 @@ def _bag(path: Path, data: bytes, sha256: str, form: Form) -> Table:
                 f"mapping, such as table: {{block: {topic}}}",
                 table,
             )
-    columns, note = rosbag.read_topic(path, data, topic)
-    table.notes.append((1, note))
+    columns, notes = rosbag.read_topic(path, data, topic)
+    table.notes += [(1, note) for note in notes]
     return _of_columns(table, columns)
 
 

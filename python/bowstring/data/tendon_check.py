@@ -217,12 +217,12 @@ def _timed_order(motion: _Motion, delay_is_fitted: bool) -> TendonCheck:
         cure = f"write shift: {significant(shift)} s in the mapping's join"
     if not is_late:
         remark = (
-            f"{say}: {cure}. Constant curvature then leaves {100 * order.unexplained:.0f} % of the "
-            f"tip's motion unexplained, not {share}."
+            f"{say}: {cure}. Constant curvature then leaves {100 * order.unexplained:.0f} % of "
+            f"{motion.called} unexplained, not {share}."
         )
         return replace(found, remark=remark, sentence=f"{found.sentence} {remark}")
     sentence = (
-        f"{say}, which leaves {share} of the tip's motion unexplained: {cure}. Then: "
+        f"{say}, which leaves {share} of {motion.called} unexplained: {cure}. Then: "
         f"{order.sentence}"
     )
     return replace(order, found="unclear", sentence=sentence)
@@ -314,12 +314,12 @@ def _order(motion: _Motion) -> TendonCheck:
         if said.left > _POOR:
             return check(
                 "unclear",
-                f"As the tendons are ordered, constant curvature leaves {share} of the tip's motion"
+                f"As the tendons are ordered, constant curvature leaves {share} of {motion.called}"
                 " unexplained, and neither two swapped tendons nor the reversed numbering "
                 "explain it: check the order and the sign of all tendons, the clocks of commands "
                 "and tips if two tables are joined, and the robot.",
             )
-        return check(*_agreed(said, swaps, mirrored, turn))
+        return check(*_agreed(motion.called, said, swaps, mirrored, turn))
     ties = {pair: f for pair, f in swaps.items() if f.left <= _TIE * best.left}
     # the smallest rotation of the frame is the most probable: most are roughly aligned
     order = sorted(ties, key=lambda pair: ties[pair].angle)
@@ -329,7 +329,7 @@ def _order(motion: _Motion) -> TendonCheck:
     ):
         named = order
     less = (
-        f"constant curvature then leaves {100 * best.left:.0f} % of the tip's motion unexplained, "
+        f"constant curvature then leaves {100 * best.left:.0f} % of {motion.called} unexplained, "
         f"not {share}"
     )
     if mirrored.left <= _TIE * best.left:
@@ -344,12 +344,12 @@ def _order(motion: _Motion) -> TendonCheck:
 
 
 def _agreed(
-    said: _Fit, swaps: dict[tuple[int, int], _Fit], mirrored: _Fit, turn: float
+    called: str, said: _Fit, swaps: dict[tuple[int, int], _Fit], mirrored: _Fit, turn: float
 ) -> tuple[Found, str, list[tuple[int, int]]]:
     """Result for a stated order that explains the motion: kind, message, and possible swaps."""
     how = "agrees" if said.left < _GOOD else "roughly agrees"
     text = (
-        f"The tip motion {how} with the tendon order: constant curvature leaves "
+        f"{called.capitalize()} {how} with the tendon order: constant curvature leaves "
         f"{100 * said.left:.0f} % of it unexplained"
     )
     alike = [pair for pair, fit in swaps.items() if fit.left <= _TIE * said.left]
@@ -384,7 +384,8 @@ def _doubted_commands(motion: _Motion) -> str:
     if moved > _UNMOVED * bend:
         return (
             f"By the linear law {largest} would bend {robot.name} by "
-            f"{significant(np.degrees(bend), 2)} degrees only, and the tip moves far more: {_UNITS}"
+            f"{significant(np.degrees(bend), 2)} degrees only, and the tip {motion.move}s far "
+            f"more: {_UNITS}"
         )
     return ""
 
@@ -436,7 +437,7 @@ def _unloaded(motion: _Motion) -> tuple[str, str]:
         shares = (f"{100 * left:.0f} %" for left in (mended, as_read))
         return (
             f"Without load {named} {least} N, as load cells with another zero do: without it "
-            f"constant curvature leaves {' and not '.join(shares)} of the tip's motion "
+            f"constant curvature leaves {' and not '.join(shares)} of {motion.called} "
             f"unexplained.{_named_zeros(m, zeros)}"
         ), ""
     is_same = abs(mended - as_read) < _SAME or min(mended, as_read) > _GOOD
@@ -477,7 +478,7 @@ def _shifted(motion: _Motion) -> str:
         return doubt
     sign = (
         f"The sign of the displacements looks turned: with it constant curvature leaves "
-        f"{100 * as_read:.0f} % of the tip's motion unexplained, and {100 * turned:.0f} % without. "
+        f"{100 * as_read:.0f} % of {motion.called} unexplained, and {100 * turned:.0f} % without. "
         "Write positive: lengthened in the mapping's tendons."
     )
     # zeros, where the others have one besides
@@ -608,12 +609,12 @@ def _doubted_size(motion: _Motion) -> str:
     else:
         what, rest = "tensions or masses", "E and gravity"
         shown = f"{significant(float(np.abs(m.tensions).max()))} N"
-    moves, columns = ("move", "tip's columns") if motion.with_tip else ("turn", "angles")
+    move, columns = motion.move, "tip's columns" if motion.with_tip else "angles"
     if moved < 1e-6:
-        how = f"does not {moves}, though"
+        how = f"does not {move}, though"
     else:
         more = "more" if moved > 1 else "less"
-        how = f"{moves}s {significant(max(moved, 1 / moved), 2)} times {more} than"
+        how = f"{move}s {significant(max(moved, 1 / moved), 2)} times {more} than"
     return (
         f"The tip {how} {robot.name} would by these {what} (up to {shown}): check the unit of the "
         f"{columns} and of the {what}, and {rest} of the robot file."
@@ -748,6 +749,16 @@ class _Motion:
         return bool(self.m.points.shape[1])
 
     @property
+    def move(self) -> str:
+        """Verb of the measured motion."""
+        return "move" if self.with_tip else "turn"
+
+    @property
+    def called(self) -> str:
+        """Measured motion in words."""
+        return "the tip's motion" if self.with_tip else "the tip's rotation"
+
+    @property
     def tool(self) -> Floats:
         return np.asarray(self.m.tool) if self.with_tip else np.zeros(3)
 
@@ -827,7 +838,7 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
         return f"it takes {_FEWEST_ROWS} rows or more", None
     motion = _Motion(robot, m, commands[rows], by_tendon, measured[rows], rows, measured, commands)
     still = _spread(motion.measured) < _STILL * motion.size
-    return "the tip hardly moves" if still else "", motion
+    return f"the tip hardly {motion.move}s" if still else "", motion
 
 
 def _by_displacement(robot: Robot) -> Floats:

@@ -38,7 +38,7 @@ from bowstring.formatting import in_mm, in_percent
 from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.robot.picture import picture
-from bowstring.statics import actuation
+from bowstring.statics import actuation, limits
 from bowstring.statics.fields import Frames, Section, completing, to_dataset
 from bowstring.statics.load import Load, PointLoad, as_load, point_loads
 from bowstring.statics.load_tables import (
@@ -133,6 +133,9 @@ class Run:
         Raw fields at the output times; None if they are in a file or none were recorded.
     warnings : tuple of str
         Sentences on the start: an equilibrium that is not known to be stable.
+    exceeded : tuple of str
+        Sentences on what tensions exceed (`bowstring.statics.limits`): those of the fields that are
+        kept in memory, else those of tables and constants that give all tendons tensions.
     """
 
     robot: Robot
@@ -150,6 +153,7 @@ class Run:
     path: Path | None = None
     frames: Frames | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
+    exceeded: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Run of {self.robot.name}: {self.message}>"
@@ -563,6 +567,7 @@ def simulate(
             run.frames = frames(simulator, places)
         run.time, run.tip_position, run.tip_velocity = time, position, velocity
         run.error_estimate = _estimate(simulator.error, position, loads.misfit)
+        run.exceeded = tuple(limits.buckled_or_stretched(robot, _tensions_of(run, actuated), model))
 
     try:
         status = "converged"
@@ -641,6 +646,17 @@ _WHY: Final[dict[str, str]] = {
 _CONFLICT: Final = (
     "; run bowstring solve with the displacements of that time to see whether they conflict"
 )
+
+
+def _tensions_of(run: Run, actuated: Actuation) -> Floats:
+    """Tensions (K, T) of a run in N, as far as they are known without its file."""
+    if run.frames is not None:
+        return run.frames.tension
+    if actuated.is_sampled or actuated.by_displacement.any():
+        return np.zeros((0, len(actuated.by_displacement)))
+    # between its knots a table is linear
+    times = np.array([0.0, *(t for t in actuated.knots() if 0 < t < run.end), run.end])
+    return np.vstack([actuated.rows(times, before=True), actuated.rows(times)])
 
 
 def _estimate(error: float | None, tip: Floats, misfit: float) -> float | None:

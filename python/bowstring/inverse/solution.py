@@ -82,7 +82,7 @@ class InverseRow(Result):
     tendon_lengths: Annotated[Floats, Key("tendon_lengths_m")]
     """Length of each tendon (T,), m; NaN without an equilibrium."""
     binding: Annotated[list[BindingLimit], Key()]
-    """Limits that keep the tip from the wanted position."""
+    """Limits that keep the nearest tip from the wanted position."""
     tip_error: Annotated[float, Key("tip_error_m")]
     """Estimated discretisation error of the tip, m; NaN by constant curvature."""
 
@@ -315,7 +315,8 @@ class InverseSolution:
             angle = np.degrees(float(np.asarray(self.direction_error)[at]))
             said += f" and {significant(angle)} deg of the direction"
         nearest = float(np.asarray(self.nearest_distance)[at])
-        if nearest < float(np.asarray(self.distance)[at]):
+        nearer = nearest < float(np.asarray(self.distance)[at])
+        if nearer:
             said += f", with larger tensions within {in_mm(nearest)}"
         if status == "max_iterations":
             return said + ", and may come nearer: the iteration did not converge."
@@ -335,7 +336,7 @@ class InverseSolution:
                 parts.append(f"the {what} of {named}")
         if parts:
             binds = "bind" if (binding != 0).sum() > 1 else "binds"
-            return f"{said}; {listed(parts)} {binds}."
+            return f"{said}{', where' if nearer else ';'} {listed(parts)} {binds}."
         return f"{said}; no limit binds: the robot does not reach it from there."
 
     def raise_for_status(self) -> Self:

@@ -23,7 +23,7 @@ from bowstring.validity.spread import Spread
 from bowstring.validity.workspace import WorkspaceMap
 
 
-class Drawn(OfRobot):
+class WithFigure(OfRobot):
     """Addition of commands that draw their result."""
 
     text: Annotated[list[str], about("The result in sentences.")]
@@ -33,32 +33,32 @@ class Drawn(OfRobot):
 
 
 @beside(branches.BranchDiagram)
-class Branches(Drawn):
+class Branches(WithFigure):
     """Output of `bowstring branches`."""
 
 
 @beside(ControlErrors)
-class Control(Drawn):
+class Control(WithFigure):
     """Output of `bowstring control`."""
 
 
 @beside(Reach)
-class ReachFound(Drawn):
+class ReachFound(WithFigure):
     """Output of `bowstring reach`."""
 
 
 @beside(WorkspaceMap)
-class Workspace(Drawn):
+class Workspace(WithFigure):
     """Output of `bowstring reach --errors`."""
 
 
 @beside(ValidityMap)
-class Map(Drawn):
+class Map(WithFigure):
     """Output of `bowstring map`."""
 
 
 @beside(ValidityGrid)
-class Grid(Drawn):
+class Grid(WithFigure):
     """Output of `bowstring map` with more than two `--over`."""
 
 

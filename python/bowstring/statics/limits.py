@@ -30,11 +30,11 @@ __all__ = [
     "POINTS",
     "Utilisation",
     "below_base",
+    "buckled_or_stretched",
     "by_segment",
     "has_limits",
     "of_pose",
     "of_sweep",
-    "of_tensions",
     "utilisations",
 ]
 
@@ -154,7 +154,7 @@ def of_pose(
     return tuple(out), tuple(uses)
 
 
-def of_tensions(robot: Robot, tensions: Floats, model: RodModel) -> list[str]:
+def buckled_or_stretched(robot: Robot, tensions: Floats, model: RodModel) -> list[str]:
     """Sentences on rods that buckle, and on a backbone stretched beyond linear elasticity.
 
     Parameters

@@ -15,7 +15,7 @@ __all__ = [
     "StaticsStatus",
     "discretisation",
     "of_actuation",
-    "of_tensions",
+    "of_solution",
     "without_potential",
 ]
 
@@ -82,7 +82,7 @@ def _has_potential(found: Any) -> bool:
     return not any(load is not None and np.any(load) for load in loads)
 
 
-def of_tensions(found: Any, advice: str = "") -> str:
+def of_solution(found: Any, advice: str = "") -> str:
     """Message on a solve by tensions, with advice if it failed.
 
     `found` is a solution of the core, or has the attributes `NEEDED`; ``advice`` is that of
@@ -155,7 +155,7 @@ def of_actuation(
 
     ``slack`` are indices from 0; ``friction`` is the largest coefficient; ``held`` says whether
     tendons are held at their home length while others are shortened. The others are as in
-    `of_tensions`; `found` also has ``undetermined`` and ``conflict``.
+    `of_solution`; `found` also has ``undetermined`` and ``conflict``.
     """
     opposing, nearest = found.conflict
     match found.status:

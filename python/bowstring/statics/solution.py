@@ -211,7 +211,7 @@ class Solution(Result):
         core, robot = self.core, self.robot
         advice = "" if self.converged else load_advice(robot, self.tensions, core.tip_force)
         if core.conflict is None:
-            said = messages.of_tensions(core, advice)
+            said = messages.of_solution(core, advice)
         else:
             slack = [i - 1 for i in self.slack or ()]
             friction = float(robot.tendons.friction.max())
@@ -430,9 +430,9 @@ class Solution(Result):
         if not self.converged or self.disk_positions is None:
             return (), ()
         frames = partial(self._frames, limits.POINTS)
-        of_tensions = limits.of_tensions(self.robot, self.tensions, self.model)
+        beyond = limits.buckled_or_stretched(self.robot, self.tensions, self.model)
         warnings, uses = limits.of_pose(self.robot, self.disk_positions, frames, self.model)
-        return (*of_tensions, *warnings), uses
+        return (*beyond, *warnings), uses
 
     def warnings(self) -> tuple[str, ...]:
         """Warnings of the pose; see `limits`.
@@ -621,7 +621,7 @@ class Sweep:
         advice = "" if self.converged[row] else load_advice(self.robot, self.tensions[row])
         found = SimpleNamespace(**{name: getattr(self, name)[row] for name in messages.NEEDED})
         if self.path is None:
-            return messages.of_tensions(found, advice)
+            return messages.of_solution(found, advice)
         found.undetermined = self.path["undetermined"][row]
         found.conflict = self.path["conflicts"].get(range(len(self))[row], ((), None))
         lengths = self.path["slack_lengths"][row]

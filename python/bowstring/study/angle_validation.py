@@ -266,7 +266,8 @@ def judge_angles(
         notes=(*_notes(loads), *notes),
     )
     order = check_tendons(robot, data)
-    doubts = [data.doubt, order.sentence if order.alarm else order.remark]
+    is_open = order.alarm or order.found == "turned"  # the fitted frame would hide this
+    doubts = [data.doubt, order.sentence if is_open else order.remark]
     notify(1.0)
     return replace(
         out, text=_in_words(out, robot, tolerance), doubts=tuple(each for each in doubts if each)

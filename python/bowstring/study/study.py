@@ -214,7 +214,7 @@ class Study:
         s, settings = self.statics, self.settings
         largest, model = s.tension[-1] * np.array(settings.shares), RodModel(settings.theory)
         found, uses = limits.of_sweep(self.robot, s.tension, s.disk_positions, s.surface.by_segment)
-        return (*limits.of_tensions(self.robot, largest, model), *found), uses
+        return (*limits.buckled_or_stretched(self.robot, largest, model), *found), uses
 
     @property
     def warnings(self) -> tuple[str, ...]:

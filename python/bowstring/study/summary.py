@@ -114,7 +114,8 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         limits = []
         for s in known:
             median = math.isfinite(s.limit_summary.quantiles[0.5].value)
-            what = "the median limit is" if median else "the limit is at least"
+            exact = "the median limit is" if s.share_exceeded < 0.5 else "the limit is"
+            what = exact if median else "the limit is at least"
             limits.append(f"{LABELS[s.name]} {what} {s.limit_text}")
         scatter = f"with standard deviations of {study.uncertain_numbers} ({how}{robots})"
         yield "How sure", f"{scatter}, {'; '.join(limits)}"

@@ -156,6 +156,8 @@ class Spread(Result):
     @property
     def limit_text(self) -> str:
         """The validity limit and its spread, such as "56 N (95 %: 49 to 63 N)"."""
+        if self.share_exceeded >= 0.5:  # no factor explains a limit that hardly varies
+            return f"0 N in {100.0 * self.share_exceeded:.0f} % of the samples"
         if math.isfinite(float(self.limit_summary.quantiles[0.5].value)):
             top = self.max_tension
             return spread_text(self.limit_summary, self.limit_indices, "N", end=top)
