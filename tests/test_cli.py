@@ -23,7 +23,6 @@ from jsonschema import Draft202012Validator
 
 import bowstring as bs
 from bowstring.cli import main
-from bowstring.result_folder import write_listing
 from bowstring.robot import reader
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
@@ -308,28 +307,6 @@ def test_study_stopped_half_way_writes_nothing(
     code, out, err = shell("study", "--out", str(folder))
     assert (code, out, err) == (130, "", "Stopped: nothing was written.\n")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_study_warns_before_it_replaces_that_of_another_robot(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In the folder of its name; a folder that --out names is replaced as asked for."""
-
-    def stopped(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(study_module, "run_study", stopped)
-    folder = tmp_path / "bowstring-study" / "amouri2019"
-    folder.mkdir(parents=True)
-    made_of = {"robot_hash": load_robot("amouri2019").hash}
-    write_listing(folder / "study.json", {"provenance": made_of})
-    changed = ["--set", "segments.0.length=640 mm"]
-    assert "Warning" not in shell("study", "amouri2019")[2]
-    assert "Warning" not in shell("study", "amouri2019", *changed, "--out", str(folder))[2]
-    warning, end = shell("study", "amouri2019", *changed)[2].splitlines()
-    assert "holds the study of another robot of this name, or of other numbers" in warning
-    assert end.startswith("Stopped")
 
 
 # -- no solution -------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from bowstring.atomic_io import check_whole_folder
 from bowstring.errors import InputError
 from bowstring.json_files import Content, read_json, structured
 
-__all__ = ["check_folder", "holds_another_robot", "write_json", "write_listing"]
+__all__ = ["check_folder", "write_json", "write_listing"]
 
 _MOST_FILES: Final = 1_000_000
 _MOST_BYTES: Final = 1_000_000_000
@@ -35,16 +35,11 @@ _ENDINGS_OF_FILES: Final = [
 ]
 
 
-class _Origin(Content):
-    robot_hash: NotRequired[str]
-
-
 class _Folder(Content):
     """Structure of what is read of the JSON file of a folder."""
 
     files: Annotated[list[str], Field(max_length=_MOST_FILES)]
     sha256: NotRequired[Annotated[dict[str, str], Field(max_length=_MOST_FILES)]]
-    provenance: NotRequired[_Origin]
 
 
 def check_folder(out: str | Path, what: str = "study") -> Path:
@@ -100,15 +95,6 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
                 )
 
     return check_whole_folder(out, called, check_content)
-
-
-def holds_another_robot(folder: Path, robot_hash: str, what: str = "study") -> bool:
-    """Whether a folder of `check_folder` holds a result of a robot with other numbers."""
-    try:
-        former = structured(read_json(folder / f"{what}.json", _MOST_BYTES), _Folder)
-    except (OSError, ValueError):
-        return False
-    return bool(former.get("provenance", {}).get("robot_hash", robot_hash) != robot_hash)
 
 
 def _files_in(folder: Path) -> Iterator[str]:

@@ -167,7 +167,7 @@ def study(
     if measured.compare and theory != "cosserat":
         raise InputError("--compare has the Cosserat rod; leave --theory out.")
     from bowstring.fem.run import RunInterrupted
-    from bowstring.result_folder import check_folder, holds_another_robot
+    from bowstring.result_folder import check_folder
     from bowstring.study import report
     from bowstring.study.run import run_study
     from bowstring.study.settings import Extras
@@ -182,11 +182,6 @@ def study(
         warn(*joint.warnings)
     out = report.default_folder(robot) if written.out is None else written.out
     folder = of_flag("--out", check_folder, out)
-    if written.out is None and holds_another_robot(folder, robot.hash):
-        warn(
-            f"{out} holds the study of another robot of this name, or of other numbers, and will "
-            "be replaced; to keep both, name a folder with --out."
-        )
     try:
         with progress_bar("CAD kernel" if written.solid else "geometric sweep") as notify:
             data = None
