@@ -33,6 +33,7 @@ from bowstring.study.study import SCHEMA_VERSION, Study
 from bowstring.study.summary import summarise
 from bowstring.study.terminal import print_study
 from bowstring.validity.loading import Loading
+from bowstring.validity.spread import validity_spread
 from bowstring.viz.colours import COLOURS
 from bowstring.viz.style import figure_style, svg
 from stages import Stages
@@ -629,6 +630,15 @@ def test_the_terminal_begins_with_the_verdict_in_27_lines(paper: Study, width: i
     assert text.index("From force") < text.index("angle 18 u/(v")
     assert "none of 3 tendons is worse" in text
     assert "Friction 0.1 (assumed)" in text and "--verbose" in text
+
+
+def test_a_limit_of_0_in_most_samples_has_no_factor(paper: Study) -> None:
+    """A transverse gravity bends the straight robot, which constant curvature does not know."""
+    numbers = {"gravity.x": {"normal": {"mean": 0.0, "sd": 3.0}}}
+    spread = validity_spread(paper.robot, numbers, points=256)
+    how = dict(summarise(replace(paper, spreads=(spread,))).findings)["How sure"]
+    share = f"{100.0 * spread.share_exceeded:.0f} %"
+    assert how.endswith(f"from force the limit is 0 N in {share} of the samples")
 
 
 @pytest.mark.usefixtures("coarse")
