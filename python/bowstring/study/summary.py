@@ -231,7 +231,7 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
         at = significant(loop.widest_at)
-        parts.append(f"loading and unloading are at most {in_mm(loop.width)} apart, at {at} N")
+        parts.append(f"both tips are at most {in_mm(loop.width)} apart, at {at} N")
     assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
         yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)
