@@ -125,11 +125,12 @@ def _on_polynomials(study: Study) -> list[str]:
     gravity = ", ".join(f"{g:.4g}" for g in robot.gravity)
     lines = [
         f"Gravity: {gravity} m/s^2.",
-        f"Range: any tensions{signs} up to a sum in the tendons{each}, and the lengths that they",
-        "give. Largest error against the rod at random loads that are not in the fit:",
+        f"Range: any tensions{signs} whose sum in the tendons{each} is at most",
+        "that named here, and the lengths that they give. Largest error against the rod at random",
+        "loads that are not in the fit:",
     ]
     lines += [
-        f"{source} up to {significant(fit.top)} N: {in_mm(fit.max_error)} (degree {fit.degree}, "
+        f"{source}, sum {significant(fit.top)} N: {in_mm(fit.max_error)} (degree {fit.degree}, "
         f"{len(fit.exponents)} terms)"
         for source, fit in zip(("from lengths", "from tensions"), fits, strict=True)
     ]
