@@ -39,7 +39,8 @@ $(VENV)/.built: $(VENV)/.installed-base $(RUST_SOURCES) pyproject.toml
 	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --locked
 	@touch $@
 
-PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile --durations=20
+# Each core has a process of pytest, so that more threads of linear algebra only wait for each other.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal --durations=20
 
 checks: build $(VENV)/.installed-test
 	cargo fmt --all --check
@@ -84,7 +85,7 @@ test-versions: build ## tests with the oldest versions allowed, or RESOLUTION=hi
 	uv pip install --quiet --upgrade --python .venv-$(RESOLUTION) --resolution $(RESOLUTION) $(SMALL_EXTRAS) -r pyproject.toml
 	uv pip install --quiet --python .venv-$(RESOLUTION) -r requirements/build.in -r requirements/dev.in
 	@echo $(abspath python) > $$(echo .venv-$(RESOLUTION)/lib/python3*/site-packages)/bowstring.pth
-	.venv-$(RESOLUTION)/bin/python -m pytest -n auto --dist loadfile -W default $(TESTS)
+	.venv-$(RESOLUTION)/bin/python -m pytest -n auto --dist worksteal -W default $(TESTS)
 
 bench: build .venv-peers/.tried ## our times beside those of other solvers
 	-cargo bench -p bowstring-core --locked

@@ -166,8 +166,9 @@ def test_random_cases_equal_differences() -> None:
 
 
 @pytest.mark.slow
-def test_a_thousand_random_cases_equal_differences() -> None:
-    check_cases(range(40, 1000))
+def test_many_random_cases_equal_differences() -> None:
+    """With the 40 above they show a fault in one of 100 cases with a probability of 95 %."""
+    check_cases(range(40, 300))
 
 
 def test_second_derivatives_equal_differences_of_first_ones() -> None:

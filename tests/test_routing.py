@@ -13,6 +13,7 @@ from scipy.optimize import root
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.robot.model import with_tendons
+from bowstring.study.study import Study
 from fem_robots import needs_ccx
 
 HELIX = {"segments.0.tendons.turns": 0.5, "segments.0.tendons.end_pitch_radius": 0.015}
@@ -149,12 +150,12 @@ def test_constant_curvature_sees_the_mean_of_the_routing() -> None:
     assert float(arcs.theta[0]) == pytest.approx(bend, rel=1e-12)
 
 
-def test_a_study_of_a_helical_robot_runs() -> None:
+@pytest.mark.usefixtures("coarse")
+def test_a_study_of_a_helical_robot_runs(paper: Study) -> None:
     study = bs.run_study(helical(**{"segments.0.tendons.turns": 0.1}))
     errors = {row.name: row.mean / study.length for row in study.comparisons}
     # the plane of bending turns along the backbone: an arc misses more than without
-    plain = bs.run_study(bs.load_robot("amouri2019"))
-    known = {row.name: row.mean / plain.length for row in plain.comparisons}
+    known = {row.name: row.mean / paper.length for row in paper.comparisons}
     assert errors["cc_from_lengths"] > 5 * known["cc_from_lengths"]
 
 

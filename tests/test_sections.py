@@ -193,8 +193,8 @@ def test_finite_elements_of_a_tapered_robot_with_oblique_tendons(
     """Within 1 % of the displacement of the tip, and not of a uniform backbone."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     size = {
-        "segments.0.disks.count": 5,
-        "segments.0.length": "250 mm",
+        "segments.0.disks.count": 3,
+        "segments.0.length": "150 mm",
         "segments.0.disks.clamped_length": "3 mm",
         "segments.0.tendons.turns": 0.25,
         "segments.0.tendons.end_pitch_radius": "18 mm",

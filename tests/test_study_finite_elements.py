@@ -38,6 +38,7 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @needs_ccx
+@pytest.mark.usefixtures("coarse")
 def test_constant_curvature_finite_elements_and_rod(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -79,12 +80,13 @@ def test_constant_curvature_finite_elements_and_rod(
     out = io.StringIO()
     print_study(made[0], Console(file=out, width=100), verbose=True)
     assert "vs finite elements" in out.getvalue()
-    freely = shell.json(*arguments, "--grip", "sliding", "--out", "out")["finite_elements"]
+    freely = shell.json(*arguments, "--grip", "sliding")["finite_elements"]
     assert freely["grip"] == "sliding" and "widen and narrow" in freely["text"][0]
     assert max(freely["from_statics_mm"]) < 0.2 * max(part["from_statics_mm"])
 
 
 @needs_ccx
+@pytest.mark.usefixtures("coarse")
 def test_finite_elements_stand_beside_measurements(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -54,8 +54,10 @@ def test_random_robots_collapse() -> None:
 
 
 @pytest.mark.slow
-def test_five_thousand_random_robots_collapse() -> None:
-    check_collapse(5000, 1)
+def test_many_random_robots_collapse() -> None:
+    """The first 1 500 of the 5 000 of the docs: 450 reliable limits or more of each model, so that
+    one that is 10 % off fails."""
+    check_collapse(1500, 1)
 
 
 def test_study_robot(amouri: bs.Robot) -> None:

@@ -12,6 +12,7 @@ use bowstring_core::model::load::{PointLoad, Theory};
 use bowstring_core::model::robot::{Profile, Robot};
 use bowstring_core::statics::solver::{Outcome, Solver, Status, TOLERANCE};
 use cases::{hostile, Case, Draw};
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 #[test]
@@ -88,13 +89,24 @@ fn one_sentence(message: &str) {
     );
 }
 
+// two tests, for two cores
 #[test]
 #[ignore = "takes minutes: make test-all"]
 fn hostile_robots_give_no_wrong_solution() {
+    hostile_robots(0..5_000);
+}
+
+#[test]
+#[ignore = "takes minutes: make test-all"]
+fn more_hostile_robots_give_no_wrong_solution() {
+    hostile_robots(5_000..10_000);
+}
+
+fn hostile_robots(numbers: Range<usize>) {
     let (mut refused, mut converged, mut failed, mut wild_jacobians) = (0, 0, 0, 0);
     let mut total = Duration::ZERO;
     let mut slowest = (Duration::ZERO, 0, String::new());
-    for number in 0..10_000 {
+    for number in numbers {
         let case = hostile(&mut Draw::new(2, number));
         let robot = match Robot::new(case.spec.clone()) {
             Ok(robot) => robot,
