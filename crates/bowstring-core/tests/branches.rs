@@ -371,6 +371,7 @@ fn a_disturbed_column_has_a_limit_point_that_deflation_finds() {
         ([0.1, 0.03, -1.5], 1.0, 2),
         ([0.1, 0.03, -1.5], 1.2, 2),
         ([0.05, 0.0, -10.0], 1.0, 3),
+        ([1.0, 0.5, -15.0], 1.0, 3),
     ] {
         let to = Load {
             tip_force: force.map(|f| f * euler),
@@ -380,8 +381,58 @@ fn a_disturbed_column_has_a_limit_point_that_deflation_finds() {
             most,
             ..Search::default()
         };
-        assert_eq!(found(&robot, to, search).branches.len(), count);
+        let all = found(&robot, to, search).branches;
+        assert_eq!(all.len(), count);
+        for branch in &all {
+            let mut at = branch.events.iter().map(|e| branch.points[e.point].factor);
+            assert!(at.all(|factor| factor <= most));
+        }
     }
+}
+
+/// A flat column buckles at one load in its first mode across and in its second one along its width:
+/// both and a mixture of them leave to both sides.
+#[test]
+fn two_modes_of_a_flat_column_at_one_load() {
+    let mut spec = column(9, 0.0).spec().clone();
+    // Euler's ratio is 9, with the error of two elements
+    spec.backbone[0].sections_mut()[0].bending[1] *= 8.99999;
+    let robot = Robot::new(spec).unwrap();
+    let model = RodModel {
+        elements: Some(2),
+        ..kirchhoff()
+    };
+    let search = Search {
+        most: 9.05,
+        deflation: false,
+        ..Search::default()
+    };
+    let euler = PI * PI * BENDING / (4.0 * LENGTH * LENGTH);
+    let found = diagram(&robot, &model, &path(compressed(euler)), &search).unwrap();
+    let events = &found.branches[0].events;
+    assert_eq!([events[0].multiplicity, events[1].multiplicity], [1, 2]);
+    assert_eq!(found.branches.len(), 1 + 2 + 6);
+}
+
+/// Two of five branches of a flat curved column are found by continuation in a transverse force alone.
+#[test]
+fn branches_of_a_flat_curved_column() {
+    let mut spec = column(6, 0.0).spec().clone();
+    let section = &mut spec.backbone[0].sections_mut()[0];
+    section.bending[1] *= 3.0;
+    section.rest_curvature = [-2.0, 1.0, -1.0];
+    let model = RodModel {
+        elements: Some(1),
+        ..kirchhoff()
+    };
+    let euler = PI * PI * BENDING / (4.0 * LENGTH * LENGTH);
+    let to = Load {
+        tip_force: [-2.0 * euler, 0.0, -10.0 * euler],
+        ..compressed(0.0)
+    };
+    let robot = Robot::new(spec).unwrap();
+    let found = diagram(&robot, &model, &path(to), &Search::default()).unwrap();
+    assert_eq!(found.branches.len(), 5);
 }
 
 /// At load factor 0 a follower turns with its disk.

@@ -11,7 +11,10 @@ use bowstring_core::statics::path_batch::{
     commands, follow, follow_designs, solve_each, Designs, PathSolutions, Steps,
 };
 use bowstring_core::statics::solver::{Solver, Status};
-use common::{by_tensions, displacements, hole, kirchhoff, rao_robot, study_robot, tensions, Draw};
+use common::{
+    apart, by_tensions, disks, displacements, hole, kirchhoff, rao_robot, solved, study_robot,
+    tensions, Draw,
+};
 
 fn stiff(robot: &Robot) -> Vec<Line> {
     vec![Line::default(); robot.tendon_count()]
@@ -54,6 +57,25 @@ fn shortened(solver: &Solver) -> Vec<f64> {
     let each = straight.enumerate();
     each.map(|(i, length)| length - solver.tendon_length(i).unwrap())
         .collect()
+}
+
+/// A step that is too long for one Newton iteration is divided.
+#[test]
+fn a_long_step_is_divided() {
+    let robot = study_robot(9, 0.003);
+    let mut path = path_solver(&robot, Model::default());
+    let given = [150.0, 210.0, 90.0];
+    let load = Load {
+        gravity: [-8.0, 4.0, 4.0],
+        tip_force: [6.0, 10.0, 0.0],
+        ..Load::default()
+    };
+    let found = step(&mut path, &tensions(&given), &load);
+    assert!(found.status == Status::Converged && found.increments > 1);
+    let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
+    let tensions = &given;
+    solved(&mut solver, &Load { tensions, ..load });
+    assert!(apart(&disks(path.solver()), &disks(&solver)) < 1e-9);
 }
 
 /// Lengths of a solve under tension control, used as displacements, return the tensions.

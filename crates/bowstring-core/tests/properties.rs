@@ -37,7 +37,7 @@ table! {
     // robots
     routed: turns(40, 35, &[2], 1e-9), rod_equations(300, 271, 1), lengths(4, 2),
         stated_errors(200, 171, None, 0), reciprocity(100, 90, &[2]),
-        batches(20, [1e-9, 2e-5], false);
+        batches(20, [1e-9, 2e-5], false), units(5);
     precurved: turns(40, 35, &[2], 1e-9), rod_equations(300, 261, 1),
         stated_errors(200, 166, None, 0), derivatives(20, 13, &[2], 1e-6),
         batches(20, [1e-9, 2e-5], true);
@@ -55,7 +55,8 @@ table! {
         reciprocity(2, 2, &[1]), probes(2, &[1, 2]), works(2), flexibilities(2),
         batches(2, [1e-9, 1e-9], true), motion(1, &[1]), motion_turns(1), held_forces(1), paths(1);
     disk_moments: turns(4, 4, &[1], 1e-11), rod_equations(4, 4, 1), derivatives(2, 2, &[1], 1e-6),
-        batches(2, [1e-9, 1e-9], true), motion(1, &[1]), motion_turns(1), held_forces(1), paths(1);
+        batches(2, [1e-9, 1e-9], true), motion(1, &[1]), motion_turns(1), held_forces(1), paths(1),
+        units(2);
     large_disk_loads: stated_errors(60, 31, Some(1), 31);
     points: turns(4, 4, &[1], 1e-12), rod_equations(4, 4, 1), dead_equivalents(20, &[1, 2]),
         derivatives(2, 2, &[1], 1e-6), reciprocity(2, 2, &[1]), probes(2, &[1, 2]), works(2),
@@ -63,9 +64,10 @@ table! {
         held_forces(1), paths(1);
     followers: turns(10, 10, &[1], 1e-12), rod_equations(10, 10, 1),
         dead_equivalents(20, &[1, 2]), derivatives(5, 5, &[1], 1e-6),
-        batches(2, [1e-9, 1e-9], true), motion(2, &[1]), motion_turns(2), paths(1);
+        batches(2, [1e-9, 1e-9], true), motion(2, &[1]), motion_turns(2), paths(1), units(2);
     sections: turns(4, 4, &[2, 4, 8], 1e-12), rod_equations(4, 4, 2),
-        derivatives(2, 2, &[2, 4, 8], 1e-7), reciprocity(2, 2, &[2, 4, 8]), probes(2, &[2, 4, 8]);
+        derivatives(2, 2, &[2, 4, 8], 1e-7), reciprocity(2, 2, &[2, 4, 8]), probes(2, &[2, 4, 8]),
+        batches(1, [1e-9, 1e-9], true);
     followers_on_sections: turns(4, 4, &[2, 4, 8], 1e-12), rod_equations(4, 4, 2),
         derivatives(2, 2, &[2, 4, 8], 1e-7);
     // models
@@ -257,6 +259,28 @@ fn at_rest(case: &Case, elements: usize) -> Option<(Solver, Outcome)> {
     (outcome.status == Status::Converged).then_some((solver, outcome))
 }
 
+/// Robot and load in another unit of force.
+fn in_units(mut case: Case, unit: f64) -> Case {
+    for profile in &mut case.spec.backbone {
+        for section in profile.sections_mut() {
+            section.mass_per_length *= unit;
+            section.rotary_inertia *= unit;
+        }
+        profile.scale_stiffness(unit);
+    }
+    for disk in &mut case.spec.disks {
+        disk.mass *= unit;
+        disk.inertia = disk.inertia.map(|x| x * unit);
+    }
+    for payload in &mut case.spec.payloads {
+        payload.mass *= unit;
+    }
+    let gravity = case.load.gravity;
+    case.load.scale(unit, unit);
+    case.load.gravity = gravity;
+    case
+}
+
 /// Robot and load turned about the backbone.
 fn turned(mut case: Case, angle: f64) -> Case {
     let turn = lie::exp(Vec3([0.0, 0.0, angle]));
@@ -336,6 +360,50 @@ fn turns(row: Row, count: usize, least: usize, elements: &[usize], most: f64) {
         }
     }
     assert!(found >= least * elements.len(), "{found}");
+}
+
+/// In other units of force the equilibrium under the load is the same, and so are those on a path
+/// by tensions and then by displacements.
+fn units(row: Row, count: usize) {
+    for number in 0..count {
+        let found = |unit: f64| {
+            let mut case = in_units(row(number), unit);
+            let rest = at_rest(&case, 1).map(|(solver, outcome)| (outcome.stable, disks(&solver)));
+            let robot = Robot::new(case.spec.clone()).unwrap();
+            let line = Line {
+                stiffness: 1e5 * robot.moment_scale() / robot.length(),
+                friction: 0.1,
+                ..Line::default()
+            };
+            let lines = vec![line; robot.tendon_count()];
+            let mut path = PathSolver::new(&robot, case.model, 1, &lines).unwrap();
+            let tensions = std::mem::take(&mut case.load.tensions);
+            let mut step = |commands: Vec<_>| {
+                let outcome = path.step(&commands, &case.load.borrow()).unwrap();
+                let found = (outcome.status == Status::Converged)
+                    .then(|| (outcome.stable, disks(path.solver())));
+                (found, path.history().displacements.clone())
+            };
+            let (first, displacements) = step(tensions.into_iter().map(Command::Tension).collect());
+            let less = displacements.iter().map(|d| Command::Displacement(0.9 * d));
+            [rest, first, step(less.collect()).0]
+        };
+        let exact = found(1.0);
+        for unit in [1e-9, 1e6] {
+            for (step, (own, exact)) in found(unit).iter().zip(&exact).enumerate() {
+                let at = format!("case {number}, unit {unit:e}, step {step}");
+                assert_eq!(own.is_some(), exact.is_some(), "{at}");
+                if let (Some((stable, places)), Some((exact_stable, exact))) = (own, exact) {
+                    assert_eq!(stable, exact_stable, "{at}");
+                    below(
+                        apart(places, exact),
+                        1e-9 * places.last().unwrap().position.norm(),
+                        &at,
+                    );
+                }
+            }
+        }
+    }
 }
 
 /// Eight elements satisfy the rod's differential equations under the wrench computed from their

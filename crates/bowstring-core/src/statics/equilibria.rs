@@ -479,7 +479,7 @@ mod tests {
                 disk: 4,
                 mass: 0.05,
                 centre: [0.02, -0.01, 0.03],
-                inertia: [1e-6; 3],
+                inertia: [0.7, 0.8, 0.1], // of a plate but for rounding
             });
             let Profile::Uniform(section) = spec.backbone[1].clone() else {
                 unreachable!("it is uniform")

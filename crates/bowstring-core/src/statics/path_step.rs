@@ -328,9 +328,7 @@ impl PathStep {
             if !self.advance(state.symmetric) {
                 return outcome;
             }
-            if state.shift > 0.0 {
-                state.lower_shift();
-            }
+            state.lower_shift();
             outcome.iterations += 1;
         }
         outcome

@@ -54,7 +54,7 @@ mod tests {
     use crate::random::Draw;
 
     /// The vectors are orthonormal, and the sum of their squares times the eigenvalues is the
-    /// matrix.
+    /// matrix, also where entries of its diagonal are equal.
     #[test]
     fn vectors_and_values_make_the_matrix() {
         let mut draw = Draw::new(3, 0);
@@ -62,7 +62,11 @@ mod tests {
             let mut a = vec![0.0; n * n];
             for i in 0..n {
                 for j in 0..=i {
-                    let x = draw.within(-1.0, 1.0);
+                    let x = if i == j && i < 2 {
+                        0.5
+                    } else {
+                        draw.within(-1.0, 1.0)
+                    };
                     (a[i * n + j], a[j * n + i]) = (x, x);
                 }
             }
