@@ -65,9 +65,8 @@ class Suite(Result):
         text = f"{number(low, 2)} to {number(high, 2)}" if many > 1 else number(low, 2)
         sets = f"each of {many} measured robots" if many > 1 else "one measured robot"
         return (
-            f"For {sets}, constant curvature and rod were calibrated by one part of the "
-            "measurements; on the other part, the error of constant curvature is "
-            f"{text} times that of the rod."
+            f"On {sets}, both models were calibrated with a part of the measurements; on the other "
+            f"part, the error of constant curvature is {text} times that of the rod model."
         )
 
 
