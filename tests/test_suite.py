@@ -248,7 +248,7 @@ def test_the_conclusion_is_of_measured_sets_with_both_fits(sets: Path) -> None:
     suite = Suite((replace(found, given=measured), found))
     ratio = errors(found)["gain"] / errors(found)["stiffer"]
     assert suite.ratios == {"mine": pytest.approx(ratio)}
-    assert suite.conclusion.startswith("For one measured robot, constant curvature and rod were")
+    assert suite.conclusion.startswith("On one measured robot, both models were calibrated")
 
 
 def test_missing_files_of_one_set_leave_the_others(
