@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -164,12 +163,11 @@ def _routes(parts: tuple[Segment, ...], k: int, tendon: Tendon) -> Iterator[tupl
     By segments from the base, each with the hole where it begins.
     """
     if tendon.is_parallel:
-        r, angle = tendon.pitch_radius, tendon.angle
         for s in parts[: k + 1]:
             ends = [0.0, 1.0]
             if s.backbone.is_tapered:
                 ends = [0.0, *(p / s.length for p in s.disk_positions)]
-            yield np.array([(r * math.cos(angle), r * math.sin(angle))] * len(ends)), np.array(ends)
+            yield np.array([tendon.base_hole] * len(ends)), np.array(ends)
         return
     stations = _stations(parts, k)
     holes = tendon.holes(np.concatenate(stations))
@@ -313,8 +311,7 @@ def _places(
 ) -> Iterator[Floats]:
     """Holes (T, 2) in the disks of segment k; a single entry if all disks have the same."""
     if all(t.is_parallel for _, t in passing):
-        polar = [(t.pitch_radius, t.angle) for _, t in passing]
-        yield np.array([(r * math.cos(a), r * math.sin(a)) for r, a in polar])
+        yield np.array([t.base_hole for _, t in passing])
         return
     if any(_routing_problem(parts, j) for j in {j for j, _ in passing}):
         return  # reported with the holes

@@ -717,6 +717,11 @@ class Tendon(TendonProperties):
             raise wrong("end_pitch_radius and pitch_radii: both given; write one of the two")
         return self
 
+    @property
+    def base_hole(self) -> tuple[float, float]:
+        """x and y of its hole in the base, m; of a parallel tendon in all disks."""
+        return self.pitch_radius * math.cos(self.angle), self.pitch_radius * math.sin(self.angle)
+
     def holes(self, stations: ArrayLike) -> NDArray[np.float64]:
         """Positions of its holes in the frames of base and disks.
 
