@@ -114,7 +114,7 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         limits = []
         for s in known:
             median = math.isfinite(s.limit_summary.quantiles[0.5].value)
-            exact = "the median limit is" if s.share_exceeded < 0.5 else "the limit is"
+            exact = "the limit is" if s.mostly_exceeded else "the median limit is"
             what = exact if median else "the limit is at least"
             limits.append(f"{LABELS[s.name]} {what} {s.limit_text}")
         scatter = f"with standard deviations of {study.uncertain_numbers} ({how}{robots})"

@@ -156,8 +156,8 @@ class Spread(Result):
     @property
     def limit_text(self) -> str:
         """The validity limit and its spread, such as "56 N (95 %: 49 to 63 N)"."""
-        if self.share_exceeded >= 0.5:  # no factor explains a limit that hardly varies
-            return f"0 N in {100.0 * self.share_exceeded:.0f} % of the samples"
+        if self.mostly_exceeded:  # no factor explains a limit that hardly varies
+            return f"0 N in {self._exceeded_text}"
         if math.isfinite(float(self.limit_summary.quantiles[0.5].value)):
             top = self.max_tension
             return spread_text(self.limit_summary, self.limit_indices, "N", end=top)
@@ -173,16 +173,15 @@ class Spread(Result):
         model = f"onstant curvature {LABELS[self.name]}"
         first = f"In the median of {len(self.limit)} samples c" if middle else "C"
         said = f"{first}{model} holds to {percent} of length up to {self.limit_text}."
-        exceeded = f"{100.0 * self.share_exceeded:.0f} % of the samples"
-        if self.share_exceeded >= 0.5:
+        if self.mostly_exceeded:
             high = float(self.limit_summary.quantiles[0.975].value)
             most = f"{significant(high)} N" if math.isfinite(high) else f"more than {top}"
             said = (
-                f"In {exceeded} c{model} exceeds {percent} of length already at 0 N; the others "
-                f"hold up to at most {most} (97.5 % of all samples)."
+                f"In {self._exceeded_text} c{model} exceeds {percent} of length already at 0 N; "
+                f"the others hold up to at most {most} (97.5 % of all samples)."
             )
         elif self.share_exceeded > _NAMED:
-            said += f" {exceeded} exceed the tolerance already at 0 N."
+            said += f" {self._exceeded_text} exceed the tolerance already at 0 N."
         if not self.solved.all():
             share = significant(100.0 * self.not_solved, 2)
             said += (
@@ -198,7 +197,7 @@ class Spread(Result):
     def _sampling_text(self) -> str:
         """Sampling error of the stated median or share."""
         n, middle = len(self.limit), self.limit_summary.quantiles[0.5]
-        if self.share_exceeded >= 0.5:
+        if self.mostly_exceeded:
             return f" There are {n} samples."
         if not math.isfinite(float(middle.value)):
             from scipy.stats import binomtest
@@ -231,6 +230,15 @@ class Spread(Result):
     def share_exceeded(self) -> Annotated[float, Key("exceeded_at_first_load_percent")]:
         """Share of the samples whose error is above the tolerance already at the first load."""
         return float((self.limit == 0.0).mean())
+
+    @property
+    def mostly_exceeded(self) -> bool:
+        """Whether half of the samples or more exceed the tolerance already at the first load."""
+        return self.share_exceeded >= 0.5
+
+    @property
+    def _exceeded_text(self) -> str:
+        return f"{100.0 * self.share_exceeded:.0f} % of the samples"
 
     @property
     def not_solved(self) -> Annotated[float, Key("not_solved_percent")]:
