@@ -30,6 +30,7 @@ _FITTED: Final = 6000  # random loads of the fit
 _HELD_OUT: Final = 2000  # further ones, for the error
 MOST_TERMS: Final = 250
 """Largest number of terms of a coordinate; more are no code to paste."""
+_SOURCES: Final = ("lengths", "tensions")
 _HIGHEST: Final = 8  # degree
 _FEWEST: Final = 0.5  # share of the loads with an equilibrium
 _TRIED: Final = 500  # first loads that tell whether so many have one, as a load without takes long
@@ -37,7 +38,7 @@ _RANGES: Final = (1.0, 0.5, 0.25)  # of the largest tension, until an error is t
 _ENOUGH: Final = 0.1  # share of the tolerance below which a higher degree gains nothing
 _ROUNDING: Final = 1e-9  # of the bounds of the inputs, as in the code written
 _SLACK: Final = 0.01  # of the length, by which mean tendon lengths may differ from those of the fit
-_NO_PULL: Final = 1e-9  # singular value of tensions without sum and moments, over the largest
+_NO_MOMENT: Final = 1e-9  # sum and moments of a combination of tensions, over the largest
 _DIRECTIONS: Final = 12  # in which the bends of a segment are bounded
 
 
@@ -124,23 +125,23 @@ def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPoly
     Returns
     -------
     tuple of TipPolynomial
-        From tendon lengths, by the bends of the segments that fit them, and from tensions, by their
-        sum and moments where these describe the pull; empty if one does not keep within the
-        tolerance.
+        From tendon lengths, whose inputs are the bends of the segments, and from tensions, whose
+        inputs are their sums and moments; empty if one of both does not keep within the tolerance.
     """
-    best: list[TipPolynomial | None] = [None, None]
+    best: dict[str, TipPolynomial] = {}
     for share in _RANGES:
-        found = _polynomials(model, share * top, tolerance)
-        for i, each in enumerate(found):
-            if best[i] is None and each.max_error <= tolerance:
-                best[i] = each
-        if None not in best:
-            break
-    both = tuple(each for each in best if each is not None)
-    return both if len(both) == len(best) else ()
+        left = [each for each in _SOURCES if each not in best]
+        found = _polynomials(model, share * top, tolerance, left)
+        best |= {name: fit for name, fit in found.items() if fit.max_error <= tolerance}
+        if len(best) == len(_SOURCES):
+            return tuple(best[each] for each in _SOURCES)
+    return ()
 
 
-def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynomial, ...]:
+def _polynomials(
+    model: Model, top: float, tolerance: float, sources: list[str]
+) -> dict[str, TipPolynomial]:
+    """Polynomials from the sources over one range, whatever their error; none without loads."""
     robot = model.robot
     of = robot.tendons.segment
     signs = _signs(model)
@@ -151,7 +152,7 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
         )
         good = np.asarray(found.converged)
         if good.mean() < _FEWEST:
-            return ()
+            return {}
     held_out = (np.arange(len(tensions)) >= _FITTED)[good]
     lengths, tensions = np.asarray(found.tendon_lengths)[good], tensions[good]
 
@@ -174,52 +175,50 @@ def _polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynom
     varied = np.zeros(len(by_length), bool)
     varied[: len(bends)] = np.ptp(inputs, axis=0) > 1e-9 * scale
 
-    pulls, of_pull = _pulls(robot)
+    combined, acting = _combined_tensions(robot)
     single = [i for i, each in enumerate(signs) if len(each) == 1]
     one_sign = np.array([-signs[i][0] * np.eye(len(of))[i] for i in single])
     sums = np.array([each for k in np.unique(of) for each in _sums(signs, of == k)])
-    fits = (
-        (lengths, varied, straight, by_length, around, bounds),
-        (
+    fits = {
+        "lengths": (lengths, varied, straight, by_length, around, bounds),
+        "tensions": (
             tensions,
-            of_pull,
+            acting,
             np.zeros(len(of)),
-            pulls / top,
-            np.vstack([one_sign.reshape(-1, len(of)), sums]) @ pulls.T,
+            combined / top,
+            np.vstack([one_sign.reshape(-1, len(of)), sums]) @ combined.T,
             np.repeat([0.0, 1.0], [len(one_sign), len(sums)]),
         ),
-    )
+    }
     tips = np.asarray(found.tip_position)[good]
-    out = []
-    for commands, varied, offset, weights, sides, limits in fits:
+    out = {}
+    for source in sources:
+        commands, varied, offset, weights, sides, limits = fits[source]
         terms, coefficients, error = _fit(
             (commands - offset) @ weights.T, varied, tips, held_out, _ENOUGH * tolerance
         )
-        out.append(
-            TipPolynomial(
-                offset, weights, sides, limits, terms, coefficients, error, float(good.mean()), top
-            )
+        out[source] = TipPolynomial(
+            offset, weights, sides, limits, terms, coefficients, error, float(good.mean()), top
         )
-    return tuple(out)
+    return out
 
 
-def _pulls(robot: Robot) -> tuple[Floats, NDArray[np.bool_]]:
-    """Orthogonal combinations (T, T) of tensions, and which of them (T,) move the holes' pull.
+def _combined_tensions(robot: Robot) -> tuple[Floats, NDArray[np.bool_]]:
+    """Orthogonal combinations (T, T) of tensions, and whether each (T,) has a sum or a moment.
 
-    The tendons of a segment pull by the sum of their tensions and by the moments at each disk, two
-    of all disks together if the holes of every disk are an image of those of the base. What leaves
-    all of them as they are hardly changes the shape.
+    The tensions of a segment load each disk by their sum and by two moments about its centre.
+    Combinations without sum and moments hardly change the shape: of n parallel tendons n - 3.
     """
     of = robot.tendons.segment
     holes = np.nan_to_num(robot.tendons.holes_m).reshape(len(of), -1)
-    combinations, pull = np.zeros((len(of), len(of))), np.zeros(len(of), bool)
+    combined, acting = np.zeros((len(of), len(of))), np.zeros(len(of), bool)
     for k in np.unique(of):
         own = np.flatnonzero(of == k)
         arms = holes[own] / np.abs(holes[own]).max(initial=1e-300)
         _, sizes, rows = np.linalg.svd(np.column_stack([np.ones(len(own)), arms]).T)
-        combinations[np.ix_(own, own)] = rows
-        pull[own[: np.count_nonzero(sizes > _NO_PULL * sizes[0])]] = True
-    return combinations, pull
+        combined[np.ix_(own, own)] = rows
+        acting[own[: np.count_nonzero(sizes > _NO_MOMENT * sizes[0])]] = True
+    return combined, acting
 
 
 def _signs(model: Model) -> list[tuple[float, ...]]:

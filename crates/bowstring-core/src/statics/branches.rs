@@ -425,7 +425,7 @@ impl Following {
                     normal: &normal,
                     offset: 0.0,
                 };
-                // the chord is farther from the branch than equilibria found again may be
+                // the chord may be farther from the branch than two points that are the same
                 let is_corrected = self.curve.correct(&plane).is_some()
                     && self.curve.at.distance(&between) < BESIDE_CHORD * a.distance(b);
                 let crossing = match is_corrected {
