@@ -112,7 +112,7 @@ def test_more_disks_make_displacements_exact() -> None:
             commands=["displacements"],
             model=bs.RodModel("kirchhoff"),
         )
-        errors.append(found.summary("displacements")[0]["rms_m"])
+        errors.append(found.summary("displacements")[0].rms)
     ratios = np.divide(errors[:-1], errors[1:])
     assert ((ratios > 3.5) & (ratios < 4.5)).all()
 
@@ -131,15 +131,15 @@ def test_calibration_has_the_least_mean_squared_distance() -> None:
     best = minimize_scalar(squared, bounds=(0.5, 1.5), method="bounded", options={"xatol": 1e-8})
     assert plain.max() < found.max_tension.max()
     assert found.scale == pytest.approx(best.x, abs=1e-4)
-    kept = found.summary("tensions_calibrated")[0]["rms_m"]
-    assert kept < 0.5 * found.summary("tensions")[0]["rms_m"]
+    kept = found.summary("tensions_calibrated")[0].rms
+    assert kept < 0.5 * found.summary("tensions")[0].rms
 
 
 def test_corrections_close_in_on_the_wanted_tip() -> None:
     found = bs.control_errors(RAO, poses=64, corrections=3)
     for name in found.landed:
         if name != "physics":
-            means = [row["mean_m"] for row in found.summary(name)]
+            means = [row.mean for row in found.summary(name)]
             assert means[3] < 0.02 * means[0], name
 
 
@@ -147,7 +147,7 @@ def test_a_calibrated_stiffness_is_found_beyond_three_times_and_is_one_without_t
     tentacle = bs.load_robot(Path(__file__).parents[1] / "examples" / "tentacle.yaml")
     found = bs.control_errors(tentacle, poses=8, corrections=0)
     assert found.scale is not None and 5 < found.scale < 10
-    kept, plain = (found.summary(name)[0]["mean_m"] for name in ("tensions_calibrated", "tensions"))
+    kept, plain = (found.summary(name)[0].mean for name in ("tensions_calibrated", "tensions"))
     assert kept < 0.2 * plain
     # the one wanted tip is that of the straight robot, which takes no tension
     assert bs.control_errors(AMOURI, poses=1, corrections=0).scale == 1.0
@@ -169,7 +169,7 @@ def test_commands_without_an_equilibrium_are_counted_and_not_named_the_nearest()
     robot = AMOURI.with_({"segments.0.disks.count": 2})
     found = bs.control_errors(robot, poses=32, corrections=0)
     rows = {name: found.summary(name)[0] for name in found.landed}
-    lost = {name: row["without_equilibrium"] for name, row in rows.items()}
+    lost = {name: row.without_equilibrium for name, row in rows.items()}
     assert lost["tensions_arm"] > 0.1 * len(found.wanted)
     text = "\n".join(found.described())
     says = "Tensions by the mean lever arm: no stable equilibrium is found for "
@@ -197,8 +197,8 @@ def test_shares_of_the_load() -> None:
     assert found.load_shares.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
     for name, rows in found.by_load.items():
         none, whole = bare.summary(name)[0], found.summary(name)[0]
-        assert rows[0] == pytest.approx([none["mean_m"], none["max_m"]], abs=1e-9)
-        assert rows[-1] == pytest.approx([whole["mean_m"], whole["max_m"]], abs=1e-12)
+        assert rows[0] == pytest.approx([none.mean, none.largest], abs=1e-9)
+        assert rows[-1] == pytest.approx([whole.mean, whole.largest], abs=1e-12)
     arm = found.by_load["tensions_arm"][:, 0]
     assert (np.diff(arm) > 0).all() and arm[-1] > 10 * arm[0]
 

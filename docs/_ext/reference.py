@@ -24,7 +24,9 @@ from sphinx.util.docutils import SphinxDirective
 import bowstring
 from bowstring import schemas
 from bowstring.cli import main
+from bowstring.data.measurements import MeasurementIssue
 from bowstring.data.rigid import Rigid
+from bowstring.pose import Pose
 from bowstring.results import unit_of
 from bowstring.schemas import basic
 from bowstring.schemas.results import object_of
@@ -126,7 +128,7 @@ _LISTS = {2: "`[low, high]`", 3: "`[x, y, z]`"}
 @cache
 def _json_objects() -> dict[str, list[dict[str, Any]]]:
     """Schemas of objects by section: those that are shared, then each command and what is new."""
-    common = (basic.OfRobot, basic.MadeBy, basic.Pose, object_of(Rigid), basic.MeasurementIssue)
+    common = (basic.OfRobot, basic.MadeBy, *map(object_of, (Pose, Rigid, MeasurementIssue)))
     found: dict[str, list[dict[str, Any]]] = {}
     seen: dict[str, dict[str, Any]] = {}
     commands = {name: (kind,) for name, kind in schemas.COMMANDS.items()}

@@ -21,10 +21,12 @@ from functools import cache
 from typing import Any, Final
 
 import numpy as np
+from pydantic import ConfigDict, Field, with_config
+from typing_extensions import TypedDict
 
 from bowstring.formatting import plain
 
-__all__ = ["UNITS", "Key", "Result", "keys_of", "unit_of"]
+__all__ = ["STRICT", "UNITS", "Key", "Object", "OrNull", "Result", "about", "keys_of", "unit_of"]
 
 #: Unit by the end of a key: in words, and how many make one SI unit.
 UNITS: Final[dict[str, tuple[str, float]]] = {
@@ -35,6 +37,22 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
     **{"m_per_N": ("m/N", 1.0), "kg_m2": ("kg m²", 1.0)},
 }
 _END: Final = re.compile(f"_({'|'.join(sorted(UNITS, key=len, reverse=True))})$")
+
+
+#: No other keys, and no number that is not finite.
+STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+OrNull = float | None
+
+
+@with_config(STRICT)
+class Object(TypedDict):
+    """Base of objects of the JSON that are no results, as their keys depend on the data."""
+
+
+def about(text: str, unit: str | None = None) -> Any:
+    """Describe a key of an `Object`; its unit where it does not follow from its end."""
+    return Field(description=text, json_schema_extra=None if unit is None else {"unit": unit})
 
 
 @dataclass(frozen=True)

@@ -344,6 +344,8 @@ def simulate(
 def _measurements_json(found: Measurements, check: TendonCheck | None) -> dict[str, Any]:
     import numpy as np
 
+    from bowstring.data.measurements import MeasurementIssue
+
     tendons: list[schema.TensionRange | schema.DisplacementRange] = [
         {"given_by": "tension", "smallest_N": low, "largest_N": high}
         if kind == "tension"
@@ -374,7 +376,7 @@ def _measurements_json(found: Measurements, check: TendonCheck | None) -> dict[s
         "time_s": None
         if found.time is None
         else [float(found.time.min()), float(found.time.max())],
-        "issues": [{"line": line, "text": text} for line, text in found.issues],
+        "issues": [MeasurementIssue(*issue).to_dict() for issue in found.issues],
         "tendon_check": None if check is None else check.to_dict(),
         "sha256": found.sha256,
     }

@@ -194,12 +194,12 @@ def _table(found: ControlErrors) -> Table:
     table = new_table("command", ">mean mm", ">largest mm", *after, ">in tolerance %")
     for name in found.landed:
         rows = found.summary(name)
-        means = [fixed(1e3 * row["mean_m"], 3) for row in rows]
+        means = [fixed(1e3 * row.mean, 3) for row in rows]
         table.add_row(
             COMMANDS[name],
             means[0],
-            fixed(1e3 * rows[0]["max_m"], 3),
+            fixed(1e3 * rows[0].largest, 3),
             *(means[k] if k < len(means) else "-" for k in shown),
-            fixed(rows[0]["valid_percent"], 0),
+            fixed(100.0 * rows[0].valid, 0),
         )
     return table

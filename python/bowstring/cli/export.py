@@ -18,7 +18,6 @@ from bowstring.formatting import plain, significant
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-    from bowstring.schemas.compiled import Compiled
     from bowstring.schemas.program import Export
     from bowstring.statics.load import Load
 
@@ -182,8 +181,8 @@ def _write_numbers(robot: Robot, out: Path, as_json: bool) -> None:
         return check_file(path, _COMPILED, (_NUMBERS,), _MARK)
 
     file = of_flag("--out", check, out)
-    content: Compiled = {**compile_robot(robot), **provenance_of(robot)}
-    text = json.dumps(plain(dict(content)), allow_nan=False, indent=1) + "\n"
+    content = {**compile_robot(robot), **provenance_of(robot)}
+    text = json.dumps(plain(content), allow_nan=False, indent=1) + "\n"
 
     def fill(new: Path) -> None:
         new.write_text(text, "utf-8")

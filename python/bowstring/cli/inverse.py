@@ -23,7 +23,6 @@ from bowstring.cli.options import (
 from bowstring.cli.output import (
     NOT_DRAWN,
     fixed,
-    frame,
     naming,
     new_table,
     progress_bar,
@@ -472,7 +471,7 @@ def _arc(robot: Robot, point: list[float], free_length: bool, chord: bool, as_js
             "nearest_distance_m": miss,
             "direction_error_rad": None,
             "segments": segments,
-            "tip": frame(arcs.tip.position, arcs.tip.rotation),
+            "tip": arcs.tip.to_dict(),
             "tensions_N": None,
             "displacements_m": (straight - lengths).tolist(),
             "tendon_lengths_m": lengths.tolist(),

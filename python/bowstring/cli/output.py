@@ -224,10 +224,6 @@ def progress_bar(what: str) -> Iterator[Callable[[str, float], None]]:
         bar.close()
 
 
-def frame(position: Any, rotation: Any) -> schema.Pose:
-    return {"position_m": position.tolist(), "rotation": rotation.tolist()}
-
-
 def new_table(*columns: str) -> Table:
     """Make a rich table; a column whose name starts with > is aligned right."""
     from rich import box

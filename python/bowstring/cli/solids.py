@@ -8,7 +8,6 @@ from bowstring.atomic_io import resolved
 from bowstring.cli.flags import of_flag
 from bowstring.cli.output import (
     fixed,
-    frame,
     naming,
     new_table,
     progress_bar,
@@ -127,10 +126,12 @@ def _all_different(*files: str | None) -> None:
             raise InputError(f"two of --out, --picture and --drawing name {file}; give two names.")
 
 
-def _pose_json(disks: _Disks | None) -> schema.SolidPose:
+def _pose_json(disks: _Disks | None) -> dict[str, Any]:
     if disks is None:
         return {"tip": None, "disks": None}
-    frames = [frame(p, r) for p, r in zip(*disks, strict=True)]
+    from bowstring.pose import Pose
+
+    frames = [Pose(*pose).to_dict() for pose in zip(*disks, strict=True)]
     return {"tip": frames[-1], "disks": frames}
 
 

@@ -31,7 +31,6 @@ from bowstring.cli.options import (
 )
 from bowstring.cli.output import (
     fixed,
-    frame,
     new_table,
     provenance_of,
     tip_line,
@@ -49,7 +48,7 @@ if TYPE_CHECKING:
     from bowstring.constant_curvature import RobotArcs
     from bowstring.robot.model import Robot
     from bowstring.schemas import program
-    from bowstring.schemas.statics import Arc, CorrectedPoint, FittedArc, Fk
+    from bowstring.schemas.statics import Arc, CorrectedPoint, FittedArc
     from bowstring.statics import limits
     from bowstring.statics.load import Load
     from bowstring.statics.plane import Plane
@@ -145,9 +144,9 @@ def fk(
         {**segment, "misfit_m": float(misfit)}
         for segment, misfit in zip(arc_rows(arcs), arcs.misfit, strict=True)
     ]
-    result: Fk = {
+    result = {
         "segments": segments,
-        "tip": frame(arcs.tip.position, arcs.tip.rotation),
+        "tip": arcs.tip.to_dict(),
         **provenance_of(robot, lengths_m=lengths, displacements_m=displacement, chord=chord),
     }
     if as_json:

@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 import bowstring._core as _core
 from bowstring.constant_curvature.arc import Arc, Routing, broadcast, check_option, to_array
-from bowstring.constant_curvature.series import Pose, series_jacobian
+from bowstring.constant_curvature.series import series_jacobian
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.pose import Pose
 from bowstring.robot.arrays import frozen
 
 if TYPE_CHECKING:

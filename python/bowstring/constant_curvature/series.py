@@ -1,4 +1,4 @@
-"""Poses, and composition of arcs in series.
+"""Composition of arcs in series.
 
 An arc is a row of bend coordinates (theta cos phi, theta sin phi, length), as in
 `bowstring.constant_curvature.arc`; the compiled core evaluates it, also near the straight pose.
@@ -7,30 +7,15 @@ Each arc starts at the end of the one before, in its direction.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 import bowstring._core as _core
+from bowstring.pose import Pose
 
-__all__ = ["Pose", "series_jacobian", "series_pose"]
+__all__ = ["series_jacobian", "series_pose"]
 
 Array = NDArray[np.float64]
-
-
-class Pose(NamedTuple):
-    """Poses in SE(3): positions and rotations; ``a @ b`` composes them."""
-
-    position: Array
-    """Position (..., 3), m."""
-    rotation: Array
-    """Rotation (..., 3, 3), body to the frame of the position."""
-
-    def __matmul__(self, other: Pose) -> Pose:
-        """Compose with `other`, which is given in this frame; leading dimensions broadcast."""
-        moved = (self.rotation @ other.position[..., None])[..., 0]
-        return Pose(self.position + moved, self.rotation @ other.rotation)
 
 
 def series_pose(arcs: Array, share: Array) -> Pose:

@@ -22,8 +22,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring.constant_curvature.series import Pose, series_jacobian, series_pose
+from bowstring.constant_curvature.series import series_jacobian, series_pose
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.pose import Pose
 from bowstring.validation import floats, floats_or_refuse, is_whole, shown
 
 __all__ = ["ArcFit", "Profile", "fit_arcs"]

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import bowstring._core as _core
-from bowstring.constant_curvature.series import Pose
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.pose import Pose
 from bowstring.validation import floats
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Final, TextIO, cast
+from typing import Annotated, Any, Final, TextIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, listed, significant
 from bowstring.json_files import parsed, structured
+from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot
 from bowstring.significance import NORMAL, student
 from bowstring.units import printable, quote
@@ -74,6 +75,16 @@ _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class MeasurementIssue(Result):
+    """A line of a table of measurements that has something wrong."""
+
+    line: Annotated[int, Key()]
+    """Line of the file, from 1."""
+    text: Annotated[str, Key()]
+    """Fault, and whether the row is left out."""
 
 
 @short_repr

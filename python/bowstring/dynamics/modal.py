@@ -17,6 +17,7 @@ from bowstring import validation
 from bowstring._core import check_memory, flexibility, flexibility_at
 from bowstring.display import html_table, sampled_rows, short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.pose import Pose
 from bowstring.results import Key, Result
 from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import check_robot, check_without_laws
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
     from bowstring._core import Flexibility, RodModel
     from bowstring.robot.model import Robot
-    from bowstring.schemas import basic as schema
     from bowstring.statics.fields import Labelled
 
 __all__ = ["Modes", "modes"]
@@ -120,10 +120,9 @@ class Modes(Result):
         return [Mode(float(frequency), *shape) for frequency, *shape in shapes]
 
     @property
-    def disks(self) -> Annotated[list[schema.Pose], Key()]:
+    def disks(self) -> Annotated[list[Pose], Key()]:
         """Disks of the equilibrium from base to tip."""
-        poses = zip(self.position.tolist(), self.orientation.tolist(), strict=True)
-        return [{"position_m": position, "rotation": rotation} for position, rotation in poses]
+        return list(map(Pose, self.position, self.orientation))
 
     @property
     def status(self) -> Annotated[StaticsStatus, Key()]:

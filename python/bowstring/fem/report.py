@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from bowstring.fem.run import BrickRun
 from bowstring.fem.vtk import write_vtk
 from bowstring.result_folder import check_folder, write_listing
 from bowstring.viz.style import figure_style, save_figure, save_figures
-
-if TYPE_CHECKING:
-    from bowstring.schemas import solids as schema
 
 __all__ = ["rows", "write"]
 
@@ -68,7 +65,7 @@ def write(
     return folder
 
 
-def rows(run: BrickRun, comparison: RodComparison) -> list[schema.FeLoad]:
+def rows(run: BrickRun, comparison: RodComparison) -> list[dict[str, Any]]:
     """Make one entry for each load or time, for JSON; None where unknown."""
 
     def known(value: Any) -> Any:
@@ -78,7 +75,7 @@ def rows(run: BrickRun, comparison: RodComparison) -> list[schema.FeLoad]:
     found = []
     for i in range(len(run.states)):
         assert frames is not None
-        row: schema.FeLoad = {
+        row = {
             "tensions_N": run.tensions[i].tolist(),
             "tip": {
                 "position_m": frames.disk_position[i, -1].tolist(),

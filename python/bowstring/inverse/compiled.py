@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from bowstring.statics.actuation import compliances
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-    from bowstring.schemas import compiled as schema
 
 __all__ = ["FORMAT", "FORMAT_VERSION", "compile_robot"]
 
@@ -22,7 +21,7 @@ FORMAT: Final = "bowstring compiled robot"
 FORMAT_VERSION: Final = 1
 
 
-def compile_robot(robot: Robot) -> schema.RobotDescription:
+def compile_robot(robot: Robot) -> dict[str, Any]:
     """Describe a robot by plain numbers in SI, with all defaults and units resolved.
 
     The C library (``bowstring.h``) reads this as JSON. It has what statics need: sections, disks,
@@ -66,7 +65,7 @@ def compile_robot(robot: Robot) -> schema.RobotDescription:
         )
     disks, tendons = robot.disks, robot.tendons
     given = ~np.isnan(robot.section_stiffness[:, 0, 0])
-    segments: list[schema.SegmentNumbers] = [
+    segments = [
         {
             # one section where all five are equal
             "sections": sections[:1].tolist()

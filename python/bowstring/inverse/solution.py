@@ -13,11 +13,12 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.formatting import in_mm, listed, significant
+from bowstring.pose import Pose
 from bowstring.results import Key, Result
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve_batch, sweep
-from bowstring.statics.solution import Pose, Sweep
+from bowstring.statics.solution import Sweep
 from bowstring.validation import choice
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-    from bowstring.schemas import basic as schema
 
 __all__ = ["InverseRow", "InverseSolution", "InverseStatus"]
 
@@ -73,7 +73,7 @@ class InverseRow(Result):
     equilibrium."""
     direction_error: Annotated[float, Key("direction_error_rad")]
     """Angle between the tangent at the tip and the wanted direction, rad; NaN without one."""
-    tip: Annotated[schema.Pose | None, Key()]
+    tip: Annotated[Pose | None, Key()]
     """Tip by the model; None without an equilibrium."""
     tensions: Annotated[Floats, Key("tensions_N")]
     """Tension of each tendon (T,), N; NaN without an equilibrium."""
@@ -396,10 +396,7 @@ class InverseSolution:
             found = getattr(self, name)
             return found if row is None else found[row]
 
-        tip: schema.Pose = {
-            "position_m": self.tip_position[at].tolist(),
-            "rotation": self.tip_rotation[at].tolist(),
-        }
+        tip = Pose(self.tip_position[at], self.tip_rotation[at])
         shared = ("stable", "iterations", "restarted", "elements", "distance", "nearest_distance")
         return InverseRow(
             status=value("status"),

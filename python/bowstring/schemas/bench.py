@@ -7,19 +7,11 @@ from typing import Annotated, Any, Literal
 from typing_extensions import NotRequired
 
 from bowstring.data.columns import Source
+from bowstring.data.measurements import MeasurementIssue
 from bowstring.data.rigid import Rigid
 from bowstring.data.tendon_check import TendonCheck
-from bowstring.schemas.basic import (
-    MadeBy,
-    MadeByRobot,
-    MeasurementIssue,
-    Object,
-    OfRobot,
-    OrNull,
-    Pair,
-    Vector,
-    about,
-)
+from bowstring.results import Object, OrNull, about
+from bowstring.schemas.basic import MadeBy, MadeByRobot, OfRobot, Pair, Vector
 
 
 class TensionRange(Object):

@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from bowstring.schemas.basic import Object, OfRobot, Pair, Vector, about
+from bowstring.results import Object, about
+from bowstring.schemas.basic import OfRobot, Pair, Vector
 
 __all__ = [
     "Compiled",

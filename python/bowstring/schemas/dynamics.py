@@ -6,14 +6,8 @@ from typing import Annotated, Literal
 
 from bowstring.dynamics import modal
 from bowstring.dynamics.simulation import Status
-from bowstring.schemas.basic import (
-    InFolder,
-    Object,
-    OfRobot,
-    OrNull,
-    Vector,
-    about,
-)
+from bowstring.results import Object, OrNull, about
+from bowstring.schemas.basic import InFolder, OfRobot, Vector
 from bowstring.schemas.results import beside
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from bowstring.inverse.solution import InverseRow, InverseStatus
-from bowstring.schemas.basic import Object, OfRobot, OrNull, Pose, Vector, VectorOrNull, about
+from bowstring.pose import Pose
+from bowstring.results import Object, OrNull, about
+from bowstring.schemas.basic import OfRobot, Vector, VectorOrNull
 from bowstring.schemas.results import beside
 from bowstring.schemas.statics import Arc
 
 __all__ = [
-    "ControlDistance",
     "Ik",
     "IkPath",
     "IkResidual",
@@ -86,15 +87,3 @@ class IkResidual(OfRobot):
     reached: Annotated[int, about("Number of those that are reached.")]
     rows: Annotated[list[CorrectedCommand], about("All positions.")]
     file: Annotated[str | None, about("Table of the commands; `null` without `--path`.")]
-
-
-class ControlDistance(Object):
-    """Distances of the tip from the wanted tips."""
-
-    mean_m: Annotated[OrNull, about("Mean over the tips that land.")]
-    rms_m: Annotated[OrNull, about("Root mean square over them.")]
-    max_m: Annotated[OrNull, about("Largest of them.")]
-    valid_percent: Annotated[float, about("Share of all wanted tips within the tolerance.")]
-    without_equilibrium: Annotated[
-        int, about("Commands without a stable equilibrium, which are not in the distances.")
-    ]

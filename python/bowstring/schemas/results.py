@@ -20,8 +20,7 @@ import numpy as np
 from pydantic import Field, with_config
 from typing_extensions import TypedDict, get_type_hints, is_typeddict
 
-from bowstring.results import UNITS, Result, keys_of
-from bowstring.schemas.basic import STRICT, about
+from bowstring.results import STRICT, UNITS, Result, about, keys_of
 
 __all__ = ["beside", "object_of"]
 

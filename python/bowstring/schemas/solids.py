@@ -8,8 +8,10 @@ from typing_extensions import NotRequired
 
 from bowstring.fem.convergence import Refinement
 from bowstring.fem.run import FeStatus
+from bowstring.pose import Pose
+from bowstring.results import Object, OrNull, about
 from bowstring.robot.sizes import Assumed
-from bowstring.schemas.basic import InFolder, Object, OfRobot, OrNull, Pose, Vector, about
+from bowstring.schemas.basic import InFolder, OfRobot, Vector
 
 
 class Part(Object):

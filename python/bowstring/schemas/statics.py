@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from bowstring.schemas.basic import Object, OfRobot, Pose, Vector, about
+from bowstring.pose import Pose
+from bowstring.results import Object, about
+from bowstring.schemas.basic import OfRobot, Vector
 from bowstring.schemas.results import beside
 from bowstring.statics.contact_solution import ContactSolution
 from bowstring.statics.limits import Utilisation

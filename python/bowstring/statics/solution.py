@@ -12,13 +12,14 @@ from dataclasses import dataclass, fields
 from functools import partial
 from operator import attrgetter
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
+from bowstring.pose import Pose
 from bowstring.results import Key, Result
 from bowstring.robot.picture import picture
 from bowstring.robot.plausibility import load_advice
@@ -35,20 +36,12 @@ if TYPE_CHECKING:
     import bowstring._core as _core
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-    from bowstring.schemas import basic as schema
     from bowstring.statics.fields import Frames
     from bowstring.statics.limits import Utilisation
 
-__all__ = ["ErrorEstimate", "Pose", "Solution", "Sweep", "joined", "solution"]
+__all__ = ["ErrorEstimate", "Solution", "Sweep", "joined", "solution"]
 
 Floats = NDArray[np.float64]
-
-
-class Pose(NamedTuple):
-    """Position (3,) in m and rotation (3, 3) body to base."""
-
-    position: Floats
-    rotation: Floats
 
 
 @dataclass(frozen=True)
@@ -252,16 +245,15 @@ class Solution(Result):
         return self.displacements()
 
     @property
-    def disk_poses(self) -> Annotated[list[schema.Pose] | None, Key("disks")]:
+    def disk_poses(self) -> Annotated[list[Pose] | None, Key("disks")]:
         """All disks from base to tip, without the base; None without a solution."""
         positions, rotations = self.core.disk_positions, self.core.disk_rotations
         if positions is None or rotations is None:
             return None
-        poses = zip(positions.tolist(), rotations.tolist(), strict=True)
-        return [{"position_m": position, "rotation": rotation} for position, rotation in poses]
+        return list(map(Pose, positions, rotations))
 
     @property
-    def tip_pose(self) -> Annotated[schema.Pose | None, Key("tip")]:
+    def tip_pose(self) -> Annotated[Pose | None, Key("tip")]:
         """Tip; None without a solution."""
         disks = self.disk_poses
         return None if disks is None else disks[-1]

@@ -40,7 +40,7 @@ from bowstring.statics.solution import Sweep
 from bowstring.study.comparison import MEANINGS, Case, Model
 
 if TYPE_CHECKING:
-    from bowstring.schemas import budget as schema
+    from bowstring.study import budget_rows as schema
 
 __all__ = [
     "ASSUMED_FRICTION",

@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
+from typing import Annotated, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ from bowstring.calibration.orientation_fit import (
 )
 from bowstring.calibration.tip_model import rotation
 from bowstring.data.columns import Source
-from bowstring.data.measurements import Measurements
+from bowstring.data.measurements import MeasurementIssue, Measurements
 from bowstring.data.tendon_check import check_tendons
 from bowstring.data.tip_errors import ModelName
 from bowstring.display import short_repr
@@ -54,9 +54,6 @@ from bowstring.study.data_validation import (
     rows_in_words,
     tip_poses,
 )
-
-if TYPE_CHECKING:
-    from bowstring.schemas import basic as schema
 
 __all__ = ["FRAMES", "AgainstAngles", "AngleComparison", "judge_angles"]
 
@@ -165,9 +162,9 @@ class AgainstAngles(Against, Result):
         return self.data.left_out
 
     @property
-    def issues(self) -> Annotated[list[schema.MeasurementIssue], Key()]:
+    def issues(self) -> Annotated[list[MeasurementIssue], Key()]:
         """Faults of the table."""
-        return [{"line": line, "text": text} for line, text in self.data.issues]
+        return [MeasurementIssue(*issue) for issue in self.data.issues]
 
     @property
     def load_count(self) -> Annotated[int, Key("loads")]:

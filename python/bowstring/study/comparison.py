@@ -31,7 +31,7 @@ from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.loading import linear_bend
 
 if TYPE_CHECKING:
-    from bowstring.schemas import budget as schema
+    from bowstring.study import budget_rows as schema
 
 __all__ = [
     "COMPARISONS",

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ from bowstring.calibration.bootstrap import (
 from bowstring.calibration.fitting import Estimate
 from bowstring.calibration.model_comparison import ModelComparison, compare_models
 from bowstring.calibration.residual_tests import NoiseTest, noise_test
-from bowstring.data.measurements import Measurements
+from bowstring.data.measurements import MeasurementIssue, Measurements
 from bowstring.data.registration import fit_model
 from bowstring.data.rigid import Rigid
 from bowstring.data.tendon_check import TendonCheck, check_tendons
@@ -57,9 +57,6 @@ from bowstring.study.calibration import (
     predicted,
 )
 from bowstring.study.comparison import FROM_FORCE, Theory, poses_by_arcs
-
-if TYPE_CHECKING:
-    from bowstring.schemas import basic as schema
 
 __all__ = [
     "DATA_MODELS",
@@ -111,6 +108,18 @@ _SAME: Final = 1e-9  # difference of equal loads over the largest command
 
 
 # -- what is computed --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class BaseEstimate(Result):
+    """A coordinate of the base by calibration."""
+
+    value: Annotated[float, Key(unit="`unit`")]
+    """Estimate."""
+    standard_error: Annotated[float, Key(unit="`unit`")]
+    """Standard error, which may be infinite."""
+    unit: Annotated[str, Key()]
+    """Unit."""
 
 
 @short_repr
@@ -316,14 +325,12 @@ class AgainstData(Against):
     def to_dict(self) -> dict[str, Any]:
         """Return the block ``measurements`` of a study."""
         d, c = self.data, self.calibration
-        base: dict[str, schema.BaseEstimate] | None = None
+        base = None
         if c is not None:
             base = {
-                e.name.removeprefix("base."): {
-                    "value": e.value,
-                    "standard_error": e.standard_error,
-                    "unit": e.unit,
-                }
+                e.name.removeprefix("base."): BaseEstimate(
+                    e.value, e.standard_error, e.unit
+                ).to_dict()
                 for e in c.fit.estimates
                 if e.name.startswith("base.")
             }
@@ -335,7 +342,7 @@ class AgainstData(Against):
             "rows": len(d),
             "left_out": d.left_out,
             "without_tip": d.without_tip,
-            "issues": [{"line": line, "text": text} for line, text in d.issues],
+            "issues": [MeasurementIssue(*issue).to_dict() for issue in d.issues],
             "loads": self.loads.count,
             "repeats": len(np.unique(self.loads.run)),
             "unloading_rows": int((~self.loads.loading).sum()) if self.loads.single else None,

@@ -26,7 +26,7 @@ from bowstring.study.comparison import MEANINGS, Case, Model
 from bowstring.validity.effects import EFFECTS, Effect, Rods, with_values
 
 if TYPE_CHECKING:
-    from bowstring.schemas import budget as schema
+    from bowstring.study import budget_rows as schema
 
 __all__ = ["GRAVITY", "SIDES", "Budget", "BudgetRow", "Contribution", "Side", "error_budget"]
 

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +38,6 @@ from bowstring.validity.drawn import Drawn
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bowstring.schemas import inverse as schema
 
 __all__ = ["ControlErrors", "control_errors"]
 
@@ -68,12 +67,28 @@ class ControlSeconds(Result):
 
 
 @dataclass(frozen=True)
+class ControlDistance(Result):
+    """Distances of the tip from the wanted tips."""
+
+    mean: Annotated[float, Key("mean_m")]
+    """Mean over the tips that land, m; NaN if none does."""
+    rms: Annotated[float, Key("rms_m")]
+    """Root mean square over them, m; NaN if none does."""
+    largest: Annotated[float, Key("max_m")]
+    """Largest of them, m; NaN if none does."""
+    valid: Annotated[float, Key("valid_percent")]
+    """Share of all wanted tips within the tolerance."""
+    without_equilibrium: Annotated[int, Key()]
+    """Commands without a stable equilibrium, which are not in the distances."""
+
+
+@dataclass(frozen=True)
 class ControlCommand(Result):
     """Where one command leads."""
 
     name: Annotated[CommandName, Key()]
     """Command of constant curvature, or ``physics``: the exact inverse."""
-    after_corrections: Annotated[list[schema.ControlDistance], Key()]
+    after_corrections: Annotated[list[ControlDistance], Key()]
     """Without a correction, after one, and so on."""
     distance: Annotated[Floats, Key("distance_m")]
     """Distance for each wanted tip (C, P), m; NaN without a stable equilibrium."""
@@ -126,33 +141,18 @@ class ControlErrors(Drawn):
         """Distances from the wanted tips after each correction (C + 1, P), m."""
         return np.asarray(np.linalg.norm(self.landed[name] - self.wanted, axis=-1))
 
-    def summary(self, name: str) -> list[dict[str, float]]:
-        """Mean, root mean square and largest distance after each correction.
-
-        Parameters
-        ----------
-        name : str
-            A command of `landed`.
-
-        Returns
-        -------
-        list of dict
-            ``mean_m``, ``rms_m``, ``max_m`` over the tips that land, ``without_equilibrium``, and
-            ``valid_percent``: the share of all wanted tips within the tolerance.
-        """
-        out: list[dict[str, float]] = []
-        for row in self.distance(name):
-            valid = float((row <= self.tolerance * self.robot.length).mean())
-            out.append(
-                {
-                    "mean_m": known_mean(row),
-                    "rms_m": math.sqrt(known_mean(row**2)),
-                    "max_m": known_max(row),
-                    "valid_percent": 100.0 * valid,
-                    "without_equilibrium": int((~np.isfinite(row)).sum()),
-                }
+    def summary(self, name: str) -> list[ControlDistance]:
+        """Distances without a correction of a command of `landed`, after one, and so on."""
+        return [
+            ControlDistance(
+                mean=known_mean(row),
+                rms=math.sqrt(known_mean(row**2)),
+                largest=known_max(row),
+                valid=float((row <= self.tolerance * self.robot.length).mean()),
+                without_equilibrium=int((~np.isfinite(row)).sum()),
             )
-        return out
+            for row in self.distance(name)
+        ]
 
     def described(self) -> list[str]:
         """The result in sentences."""
@@ -163,7 +163,7 @@ class ControlErrors(Drawn):
         verb = "pose has" if lost == 1 else "poses have"
         out = [wanted + (f"; {lost} drawn {verb} no stable equilibrium." if lost else ".")]
         rows = {name: self.summary(name) for name in self.landed if name != "physics"}
-        fallen = {name: int(self.summary(name)[0]["without_equilibrium"]) for name in self.landed}
+        fallen = {name: self.summary(name)[0].without_equilibrium for name in self.landed}
         # a mean over few tips does not compare with that over all tips
         known = [name for name in rows if fallen[name] <= (1.0 - _LANDS) * count]
         if known:
@@ -181,7 +181,7 @@ class ControlErrors(Drawn):
                     f"{label}: no stable equilibrium is found for {words} no part in the distances."
                 )
         if "physics" in self.landed:
-            exact = self.summary("physics")[0]["max_m"]
+            exact = self.summary("physics")[0].largest
             out.append(f"The exact inverse lands {in_mm(exact)} from the wanted tip at most.")
         if self.scale is not None and self.scale in SCALES:
             out.append(
@@ -199,10 +199,10 @@ class ControlErrors(Drawn):
         )
         return out
 
-    def _compared(self, rows: dict[str, list[dict[str, float]]], known: list[str]) -> list[str]:
+    def _compared(self, rows: dict[str, list[ControlDistance]], known: list[str]) -> list[str]:
         """Sentences on the commands that land nearest and farthest, of those that land."""
         length = self.robot.length
-        means = {name: rows[name][0]["mean_m"] for name in known}
+        means = {name: rows[name][0].mean for name in known}
         best, worst = min(known, key=means.__getitem__), max(known, key=means.__getitem__)
         whose = (
             f" with an equilibrium for {100 * _LANDS:.0f} % of the tips"
@@ -213,7 +213,7 @@ class ControlErrors(Drawn):
             f"Of the commands of constant curvature{whose}, {COMMANDS[best]} land nearest, "
             f"{in_mm(means[best])} from the wanted tip in the mean "
             f"({in_percent(means[best] / length, 2)} of length) and "
-            f"{in_mm(rows[best][0]['max_m'])} at most"
+            f"{in_mm(rows[best][0].largest)} at most"
         )
         if worst != best:
             text += (
@@ -223,7 +223,7 @@ class ControlErrors(Drawn):
         out = [text + "."]
         count = max(len(found) for found in rows.values()) - 1
         if count:
-            least, most = (f([rows[name][-1]["mean_m"] for name in known]) for f in (min, max))
+            least, most = (f([rows[name][-1].mean for name in known]) for f in (min, max))
             times = "one correction" if count == 1 else f"{count} corrections"
             low, high = in_mm(least), in_mm(most)
             span = low if low == high else f"{low} to {high}"
@@ -244,7 +244,7 @@ class ControlErrors(Drawn):
     def commands(self) -> Annotated[list[ControlCommand], Key()]:
         """All commands."""
         return [
-            ControlCommand(name, cast(Any, self.summary(name)), self.distance(name))
+            ControlCommand(name, self.summary(name), self.distance(name))
             for name in cast("dict[CommandName, Floats]", self.landed)
         ]
 
@@ -327,7 +327,7 @@ def control_errors(
     --------
     >>> import bowstring as bs
     >>> found = bs.control_errors(bs.load_robot("rao2021"), poses=64, corrections=1)
-    >>> before, after = (row["mean_m"] for row in found.summary("tensions"))
+    >>> before, after = (row.mean for row in found.summary("tensions"))
     >>> 10 * after < before
     True
     """

@@ -55,9 +55,7 @@ def draw_control(found: ControlErrors) -> Figure:
             panel = panels[0]
             for name in names:
                 rows = found.summary(name)
-                _lines(
-                    panel, found, name, range(len(rows)), [[r["mean_m"], r["max_m"]] for r in rows]
-                )
+                _lines(panel, found, name, range(len(rows)), [[r.mean, r.largest] for r in rows])
             panel.set_xlabel("corrections by the measured tip")
             panel.set_xticks(range(len(found.landed[names[0]])))
         if loaded:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from bowstring.schemas.basic import Object, OrNull, about
+from bowstring.results import Object, OrNull, about
 
 
 class CaseError(Object):
