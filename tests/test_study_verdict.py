@@ -98,8 +98,8 @@ def test_the_answer_is_one_sentence(paper: Study) -> None:
     lengths, force = paper.verdict.meanings
     assert lengths.answer == "From true tendon lengths: yes, up to 80 N (largest error 0.67 mm)."
     assert force.answer == (
-        "From force: only up to 56.1 N, because the tendons run straight between the disks; "
-        "corrected: yes, up to 80 N (largest error 0.125 mm)."
+        "From force: only up to 56.1 N, because it ignores that the tendons run straight between "
+        "the disks; corrected: yes, up to 80 N (largest error 0.125 mm)."
     )
     tight = Stages(load_robot("amouri2019"), tolerance=1e-5).judged(paper.budget).meanings[1]
     assert tight.answer.startswith("From force: only up to 1.69 N, because")

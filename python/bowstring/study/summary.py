@@ -188,7 +188,7 @@ def _formula(robot: Robot, from_force: bool) -> str | None:
         linear, softer = radius * by_newton, robot.length / n * by_newton / 12.0
         return (
             f"for a tension F on one tendon, in N: u = {linear:.4g} F; v = 1 - {softer:.4g} F; "
-            f"bend angle {2 * n} u/(v + sqrt(v^2 + u^2/2)) rad"
+            f"bend angle {2 * n} u/(v + sqrt(v^2 + u^2/2)) rad; arc length {in_mm(robot.length)}"
         )
     angles = np.sort(np.mod(robot.tendons.angle_rad, math.tau))
     if len(angles) != 3 or np.ptp(np.diff(angles, append=angles[0] + math.tau)) > 1e-9:
@@ -231,7 +231,7 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
         at = significant(loop.widest_at)
-        parts.append(f"both tips are at most {in_mm(loop.width)} apart, at {at} N")
+        parts.append(f"these two tips are at most {in_mm(loop.width)} apart, at {at} N")
     assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
         yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)
@@ -239,11 +239,11 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     for row in elastic:
         if _enough(study, row.moved_n):
             over = _over(study, row.moved_n, ", over ")
-            moved = f"move the tip by {in_mm(row.moved)} on average{over}"
+            moved = (
+                "at equal motor positions, stretch moves the tip by "
+                f"{in_mm(row.moved)} on average{over}"
+            )
             commanded = row.case.comparisons[COMMANDED].mean
             if math.isfinite(commanded):
-                moved += (
-                    "; CC from the unstretched lengths, as motors command them, then errs by "
-                    f"{in_mm(commanded)} on average"
-                )
+                moved += f"; CC from these positions errs by {in_mm(commanded)} on average"
             yield f"Elastic tendons{assumed}", moved

@@ -334,7 +334,7 @@ def _answer(m: Meaning, top: float, load: float) -> str:
         return f"{words}."
     cause = m.largest_contribution
     if cause is not None:
-        part = "because" if m.dominant_cause else "in part because"
+        part = "because it ignores that" if m.dominant_cause else "in part because it ignores that"
         named = [s for s in m.shares if s.share > 0.5 * cause.share]
         words += f", {part} {listed([EFFECTS[s.effect].because for s in named])}"
     fit = m.polynomial

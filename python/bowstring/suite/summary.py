@@ -63,10 +63,10 @@ class Suite(Result):
         low, high = min(self.ratios.values()), max(self.ratios.values())
         many = len(self.ratios)
         text = f"{number(low, 2)} to {number(high, 2)}" if many > 1 else number(low, 2)
-        sets = f"each of {many} measured robots" if many > 1 else "one measured robot"
+        sets = f"each of {many} robots" if many > 1 else "one robot"
         return (
-            f"On {sets}, both models were calibrated with a part of the measurements; on the other "
-            f"part, the error of constant curvature is {text} times that of the rod model."
+            f"Both models were calibrated on a part of the measurements of {sets}; on the rest, "
+            f"constant curvature errs {text} times as much as the rod model."
         )
 
 
