@@ -93,9 +93,9 @@ def kinds(folder: Path) -> dict[str, Kind]:
     from bowstring.data.mapping import load_mapping
     from bowstring.dynamics.load_table import read_actuation
     from bowstring.dynamics.run_file import read_run
+    from bowstring.files.result_folder import check_folder, write_listing
     from bowstring.integrations import live
     from bowstring.jobs import Job, Store, Variable, run
-    from bowstring.result_folder import check_folder, write_listing
     from bowstring.robot.writer import to_yaml
     from bowstring.suite import running
     from bowstring.suite.protocol import Model, read_set

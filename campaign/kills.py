@@ -204,7 +204,7 @@ def _hidden(folder: Path) -> list[str]:
 
 def _sweep(folder: Path) -> None:
     """Removes leftovers as the next command does; child processes of a killed one end soon."""
-    from bowstring.atomic_io import remove_leftovers
+    from bowstring.files.atomic_io import remove_leftovers
 
     until = time.monotonic() + PATIENCE
     remove_leftovers(folder)

@@ -13,7 +13,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from bowstring.cli import main
-from bowstring.schemas import COMMANDS
+from bowstring.cli.schemas import COMMANDS
 
 
 @cache

@@ -16,8 +16,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bowstring import atomic_io
-from bowstring.atomic_io import (
+from bowstring.cad.export import write_solid
+from bowstring.data import synthetic
+from bowstring.dynamics import run_file
+from bowstring.errors import InputError
+from bowstring.files import atomic_io
+from bowstring.files.atomic_io import (
     check_file,
     check_place,
     check_replaceable,
@@ -26,10 +30,6 @@ from bowstring.atomic_io import (
     write_whole,
     write_whole_file,
 )
-from bowstring.cad.export import write_solid
-from bowstring.data import synthetic
-from bowstring.dynamics import run_file
-from bowstring.errors import InputError
 from bowstring.robot.reader import load_robot
 from bowstring.study import report
 from bowstring.viz import vtk
@@ -189,7 +189,7 @@ def test_a_large_foreign_tree_is_not_walked(
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from bowstring import atomic_io
+from bowstring.files import atomic_io
 
 def fill(new):
     (new / "half").write_text("half")

@@ -11,10 +11,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 import bowstring as bs
-from bowstring.atomic_io import write_whole_file
 from bowstring.cad.export import check_solid_file, write_solid
 from bowstring.cad.solid import make_solid
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import write_whole_file
 
 bd = pytest.importorskip("build123d", exc_type=ImportError)
 pytestmark = pytest.mark.cad

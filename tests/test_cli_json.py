@@ -12,8 +12,8 @@ import typer
 from pydantic import TypeAdapter
 
 from bowstring.cli import main
-from bowstring.schemas import COMMANDS, study
-from bowstring.schemas.results import object_of
+from bowstring.cli.schemas import COMMANDS, study
+from bowstring.cli.schemas.results import object_of
 from bowstring.study.study import Study
 from shell import Shell, adapter
 

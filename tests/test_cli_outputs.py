@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from bowstring.atomic_io import file_stem
+from bowstring.files.atomic_io import file_stem
 from bowstring.robot.reader import load_robot
 from bowstring.robot.writer import to_yaml
 from shell import Shell

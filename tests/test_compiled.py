@@ -10,7 +10,7 @@ import pytest
 from pydantic import TypeAdapter
 
 import bowstring as bs
-from bowstring.schemas.compiled import RobotDescription
+from bowstring.cli.schemas.compiled import RobotDescription
 from shell import Shell
 
 DESCRIPTION = TypeAdapter(RobotDescription)

@@ -312,7 +312,7 @@ def test_a_finished_job_is_read_from_a_drive_that_takes_no_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = run(made(), tmp_path / "job").read(0, 1001)
-    monkeypatch.setattr("bowstring.atomic_io._takes_files", lambda folder: False)
+    monkeypatch.setattr("bowstring.files.atomic_io._takes_files", lambda folder: False)
     np.testing.assert_array_equal(run(made(), tmp_path / "job").read(0, 1001)["tip"], whole["tip"])
     next((tmp_path / "job" / "blocks").iterdir()).unlink()
     with pytest.raises(InputError, match=f"the folder {tmp_path} may not be written"):

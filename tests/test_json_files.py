@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typing_extensions import NotRequired
 
-from bowstring.json_files import Content, Row, Table, Triple, parsed, read_json, structured
+from bowstring.files.json_files import Content, Row, Table, Triple, parsed, read_json, structured
 
 
 class _Part(Content):

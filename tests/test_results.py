@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
+from bowstring.cli.schemas.results import object_of
 from bowstring.results import Key, Result, keys_of, unit_of
-from bowstring.schemas.results import object_of
 
 Array = NDArray[np.float64]
 

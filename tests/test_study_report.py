@@ -18,9 +18,9 @@ import pytest
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from bowstring import atomic_io
 from bowstring.data.measurements import read_measurements
 from bowstring.errors import FigureWarning, InputError
+from bowstring.files import atomic_io
 from bowstring.formatting import in_mm, signed
 from bowstring.robot.reader import load_robot
 from bowstring.study import figures, report

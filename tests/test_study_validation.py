@@ -23,13 +23,13 @@ from rich.console import Console
 
 import bowstring as bs
 from bowstring.calibration.bootstrap import bootstrap
+from bowstring.cli.schemas import study as schemas
+from bowstring.cli.schemas.results import object_of
 from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, load, write_measurements
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.reader import load_robot
-from bowstring.schemas import study as schemas
-from bowstring.schemas.results import object_of
 from bowstring.study import calibration as study_calibration
 from bowstring.study import data_validation, report
 from bowstring.study import run as study_module

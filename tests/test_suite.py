@@ -248,7 +248,9 @@ def test_the_conclusion_is_of_measured_sets_with_both_fits(sets: Path) -> None:
     suite = Suite((replace(found, given=measured), found))
     ratio = errors(found)["gain"] / errors(found)["stiffer"]
     assert suite.ratios == {"mine": pytest.approx(ratio)}
-    assert suite.conclusion.startswith("On one measured robot, both models were calibrated")
+    assert suite.conclusion.startswith(
+        "Both models were calibrated on a part of the measurements of one robot;"
+    )
 
 
 def test_missing_files_of_one_set_leave_the_others(

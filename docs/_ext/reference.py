@@ -2,8 +2,8 @@
 
 ``{command} solve`` has what a command does, its arguments and its flags, as its help has them;
 ``{robot-fields} Backbone`` the fields of a part of the robot file as its JSON Schema has them;
-``{json} solve`` the keys of a command's JSON, and of the objects in it, as `bowstring.schemas` has
-them; ``{json} shared`` those of the objects that several commands have;
+``{json} solve`` the keys of the JSON of a command and of its objects, by `bowstring.cli.schemas`;
+``{json} shared`` those of the objects that several commands have;
 ``{api} bowstring.dynamics`` documents the names that its content lists, from their docstrings.
 """
 
@@ -22,14 +22,13 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 import bowstring
-from bowstring import schemas
-from bowstring.cli import main
+from bowstring.cli import main, schemas
+from bowstring.cli.schemas import basic
+from bowstring.cli.schemas.results import object_of
 from bowstring.data.measurements import MeasurementIssue
 from bowstring.data.rigid import Rigid
 from bowstring.pose import Pose
 from bowstring.results import unit_of
-from bowstring.schemas import basic
-from bowstring.schemas.results import object_of
 
 
 class _Table(SphinxDirective):

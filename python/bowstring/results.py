@@ -1,7 +1,7 @@
 """Results that declare the keys of their JSON on their own members.
 
 The annotation of a field or property declares a key, its docstring says the meaning, the shape of
-an array and where values are missing; `bowstring.schemas` makes the schema of them::
+an array and where values are missing; `bowstring.cli.schemas` makes the schema of them::
 
     difference: Annotated[Array, Key("difference_mm")]
     \"\"\"Distance of the tip from statics (n,), m; NaN without an equilibrium.\"\"\"

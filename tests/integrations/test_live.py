@@ -84,19 +84,6 @@ def test_the_sliders_move_the_rod_and_constant_curvature(opened: Any) -> None:
     assert view.url in view._repr_html_()
 
 
-def test_a_solution_and_a_run_show_themselves() -> None:
-    pytest.importorskip("viser", reason="needs the extra view", exc_type=ImportError)
-    robot = bs.load_robot("amouri2019")
-    run = bs.simulate(robot, [0.0, 0.0, 0.0], duration=0.01)
-    for subject in (bs.solve(robot, [30.0, 0.0, 0.0]), run):
-        port = free_port()
-        page = subject.show(port=port)
-        try:
-            assert isinstance(page, LiveView) and f":{port}/" in page.url
-        finally:
-            page.stop()
-
-
 def test_displacements_follow_from_commanded_bends(opened: Any) -> None:
     robot = bs.load_robot("amouri2019")
     live = opened(robot).robots[0]

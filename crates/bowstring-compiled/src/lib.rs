@@ -1,6 +1,6 @@
 //! Reader of compiled robots: files of `bowstring export`.
 //!
-//! The layout is that of `bowstring.schemas.compiled`: numbers in SI, as the core takes them.
+//! The layout is that of `bowstring.cli.schemas.compiled`: numbers in SI, as the core takes them.
 
 #![warn(missing_docs)]
 // units end the names, as in the outputs of the package: N is newton

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring._core import __version__
-from bowstring.atomic_io import check_file, is_full, write_whole_file
 from bowstring.cad.solid import MESHED, Solid, check_cad, plain_name, triangulate
+from bowstring.files.atomic_io import check_file, is_full, write_whole_file
 from bowstring.robot.rest_shape import unloaded_pose
 from bowstring.viz.gltf_file import COMPONENTS, INDICES, GltfArrays, glb
 

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
+from bowstring.files.json_files import parsed, structured
 from bowstring.formatting import listed, significant
-from bowstring.json_files import parsed, structured
 from bowstring.optional import load_extra
 from bowstring.robot.disk import outside_bore
 from bowstring.robot.model import Robot, check_disks, check_robot, check_round

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from bowstring.atomic_io import write_whole
 from bowstring.calibration.model_comparison import (
     ComparisonInterrupted,
     JudgedModel,
@@ -19,7 +18,8 @@ from bowstring.calibration.residual import Residual
 from bowstring.calibration.residual_file import RESIDUAL, residual_to_dict
 from bowstring.calibration.table_fit import BESIDE, Calibration
 from bowstring.errors import InputError
-from bowstring.result_folder import check_folder, write_json, write_listing
+from bowstring.files.atomic_io import write_whole
+from bowstring.files.result_folder import check_folder, write_json, write_listing
 from bowstring.robot.writer import to_yaml
 from bowstring.viz.style import figure_style, save_figure, save_figures
 

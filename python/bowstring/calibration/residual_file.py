@@ -11,11 +11,11 @@ import numpy as np
 from pydantic import Field
 from typing_extensions import NotRequired
 
-from bowstring import json_files
 from bowstring.calibration.observations import Score
 from bowstring.calibration.residual import MOST_ROWS, Hyperparameters, Residual, Scales, Table
 from bowstring.errors import InputError
-from bowstring.json_files import Content, Row, Triple, read_json, structured
+from bowstring.files import json_files
+from bowstring.files.json_files import Content, Row, Triple, read_json, structured
 from bowstring.robot.model import Robot
 from bowstring.robot.parts import MAX_TENDONS
 from bowstring.robot.reader import load_robot

@@ -35,7 +35,7 @@ from bowstring.data.measurements import Measurements
 from bowstring.data.tendon_check import Found, TendonCheck, check_tendons, likely_zeros
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.json_files import Content, read_json, structured
+from bowstring.files.json_files import Content, read_json, structured
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from bowstring.atomic_io import check_file, not_overwritten, write_whole_file
 from bowstring.cli.flags import Number, PerTendon, of_flag, tendon_count
 from bowstring.cli.groups import Group, option
 from bowstring.cli.output import warn
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import check_file, not_overwritten, write_whole_file
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -137,7 +137,7 @@ _NAMES: Final = {"schema_version", "robot_hash", "commands", "tensions_N", "arcs
 
 
 def read_history(file: Path) -> dict[str, Any]:
-    from bowstring.json_files import read_json
+    from bowstring.files.json_files import read_json
 
     try:
         content = read_json(file, _MOST_HISTORY)
@@ -154,7 +154,7 @@ def read_history(file: Path) -> dict[str, Any]:
 
 def check_history_file(file: Path) -> Path:
     """Check before any work that a history may be written: to a new file or a former history."""
-    from bowstring.json_files import read_json
+    from bowstring.files.json_files import read_json
 
     found = check_file(file, "history", (file.suffix.lower(),), b'{"schema_version": ')
     if found.exists() and found.stat().st_size:

@@ -41,12 +41,12 @@ from bowstring.units import rounded
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from bowstring.cli.schemas import bench as schema
     from bowstring.data import synthetic
     from bowstring.data.measurements import Measurements
     from bowstring.data.synthetic import Bench
     from bowstring.data.tendon_check import TendonCheck
     from bowstring.robot.model import Robot
-    from bowstring.schemas import bench as schema
 
 MOST_ISSUES: Final = 20  # issues in the printed table
 

@@ -34,7 +34,7 @@ from bowstring.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from bowstring.schemas.basic import OfRobot
+    from bowstring.cli.schemas.basic import OfRobot
     from bowstring.statics.load import Load
     from bowstring.validity.control import ControlErrors
     from bowstring.validity.reach import Reach

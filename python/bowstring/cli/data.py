@@ -15,8 +15,8 @@ from bowstring.cli.output import new_table, progress_bar, write, write_json, wri
 from bowstring.units import printable
 
 if TYPE_CHECKING:
+    from bowstring.cli.schemas import program as schema
     from bowstring.data.datasets import DataSet
-    from bowstring.schemas import program as schema
 
 
 def list_sets(as_json: AsJson = False) -> None:

@@ -17,7 +17,7 @@ from bowstring.errors import InputError
 from bowstring.optional import EXTRAS, load_extra
 
 if TYPE_CHECKING:
-    from bowstring.schemas import program as schema
+    from bowstring.cli.schemas import program as schema
 
 _FFMPEG: Final = "Debian: apt-get install ffmpeg; else https://ffmpeg.org"
 

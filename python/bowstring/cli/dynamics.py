@@ -50,11 +50,11 @@ from bowstring.units import rounded
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from bowstring.cli.schemas import dynamics as schema
     from bowstring.dynamics.base_motion import BaseMotion
     from bowstring.dynamics.integrator import Integrator
     from bowstring.dynamics.simulation import Run
     from bowstring.robot.model import Robot
-    from bowstring.schemas import dynamics as schema
     from bowstring.statics.load import Load
 
 TIP_INTERVAL: Final = 0.01  # s between tips in the JSON of simulate, at least

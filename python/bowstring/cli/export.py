@@ -17,8 +17,8 @@ from bowstring.errors import InputError
 from bowstring.formatting import plain, significant
 
 if TYPE_CHECKING:
+    from bowstring.cli.schemas.program import Export
     from bowstring.robot.model import Robot
-    from bowstring.schemas.program import Export
     from bowstring.statics.load import Load
 
 _SOLIDS: Final = (".step", ".stp", ".stl", ".glb", ".gltf")
@@ -174,7 +174,7 @@ def _write_links(
 
 def _write_numbers(robot: Robot, out: Path, as_json: bool) -> None:
     """Write the robot in SI with all defaults: the C library reads no robot files."""
-    from bowstring.atomic_io import check_file, write_whole_file
+    from bowstring.files.atomic_io import check_file, write_whole_file
     from bowstring.inverse.compiled import compile_robot
 
     def check(path: Path) -> Path:

@@ -51,9 +51,9 @@ if TYPE_CHECKING:
     )
     from bowstring.calibration.residual_comparison import ResidualStudy
     from bowstring.calibration.table_fit import Calibration
+    from bowstring.cli.schemas.basic import OfRobot
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
-    from bowstring.schemas.basic import OfRobot
 
 _FittedModel = Literal["rod", "arc"]
 _Loss = Literal["linear", "soft_l1", "huber"]

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from rich.table import Table
 
+    from bowstring.cli.schemas.inverse import IkPath, IkResidual
     from bowstring.inverse.solution import InverseSolution
     from bowstring.robot.model import Robot
-    from bowstring.schemas.inverse import IkPath, IkResidual
     from bowstring.statics.load import Load
 
 #: Share of the robot's length within which no tip is meant.

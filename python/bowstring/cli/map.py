@@ -35,9 +35,9 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import significant
 
 if TYPE_CHECKING:
+    from bowstring.cli.schemas import additions as schema
+    from bowstring.cli.schemas.basic import OfRobot
     from bowstring.jobs import Job
-    from bowstring.schemas import additions as schema
-    from bowstring.schemas.basic import OfRobot
     from bowstring.validity.multi_axis_maps import ValidityGrid
 
 

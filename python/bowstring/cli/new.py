@@ -155,7 +155,7 @@ def new(
     ] = None,
 ) -> None:
     """Write a robot file: asks eight questions on a terminal, else takes flags and defaults."""
-    from bowstring.atomic_io import check_file, write_whole_file
+    from bowstring.files.atomic_io import check_file, write_whole_file
     from bowstring.robot.draft import plain_text
     from bowstring.robot.foreign import convert
     from bowstring.robot.reader import name_of, robot_of_text

@@ -386,14 +386,14 @@ def save_figure(draw: Callable[[], Any], file: Path) -> str | None:
 
 def default_file(robot: Robot, what: str) -> Path:
     """Default file of a result in the working folder, such as NAME-map.png."""
-    from bowstring.atomic_io import file_stem
+    from bowstring.files.atomic_io import file_stem
 
     return Path(f"{file_stem(robot.name)}-{what}")
 
 
 def out_folder(out: Path | None, what: str) -> Path | None:
     """Check the result folder of --out before the work."""
-    from bowstring.result_folder import check_folder
+    from bowstring.files.result_folder import check_folder
 
     return None if out is None else of_flag("--out", lambda path: check_folder(path, what), out)
 

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from bowstring.cli.schemas import basic as schema
     from bowstring.robot.model import Robot
-    from bowstring.schemas import basic as schema
 
 OUTPUT_LOST: Final = 74  # EX_IOERR
 PIPE_CLOSED: Final = 141  # as a shell reports SIGPIPE

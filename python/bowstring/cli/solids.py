@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from bowstring.atomic_io import resolved
 from bowstring.cli.flags import of_flag
 from bowstring.cli.output import (
     fixed,
@@ -17,6 +16,7 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import resolved
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.cad.solid import Part, Solid
+    from bowstring.cli.schemas import solids as schema
     from bowstring.robot.model import Robot
-    from bowstring.schemas import solids as schema
     from bowstring.statics.load import Load
 
 _Disks: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.float64]]"

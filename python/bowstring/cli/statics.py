@@ -45,10 +45,10 @@ from bowstring.units import quote
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from bowstring.cli.schemas import program
+    from bowstring.cli.schemas.statics import Arc, CorrectedPoint, FittedArc
     from bowstring.constant_curvature import RobotArcs
     from bowstring.robot.model import Robot
-    from bowstring.schemas import program
-    from bowstring.schemas.statics import Arc, CorrectedPoint, FittedArc
     from bowstring.statics import limits
     from bowstring.statics.load import Load
     from bowstring.statics.plane import Plane

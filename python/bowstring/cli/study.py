@@ -167,7 +167,7 @@ def study(
     if measured.compare and theory != "cosserat":
         raise InputError("--compare has the Cosserat rod; leave --theory out.")
     from bowstring.fem.run import RunInterrupted
-    from bowstring.result_folder import check_folder
+    from bowstring.files.result_folder import check_folder
     from bowstring.study import report
     from bowstring.study.run import run_study
     from bowstring.study.settings import Extras

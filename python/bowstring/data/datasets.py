@@ -19,7 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-from bowstring.atomic_io import (
+from bowstring.errors import InputError
+from bowstring.files.atomic_io import (
     check_replaceable,
     folder_beside,
     readable,
@@ -27,7 +28,6 @@ from bowstring.atomic_io import (
     user_cache,
     write_whole,
 )
-from bowstring.errors import InputError
 from bowstring.formatting import listed
 from bowstring.optional import load_extra
 from bowstring.units import quote

@@ -19,9 +19,7 @@ from typing import Annotated, Any, Final, TextIO, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import json_files
 from bowstring._core import __version__
-from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
 from bowstring.data import channels, datasets
 from bowstring.data.clock import ISO, times
 from bowstring.data.columns import SOURCES, Column, Joined, Layout, Source, check_stations, tidy
@@ -41,8 +39,10 @@ from bowstring.data.tables import (
 )
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.files import json_files
+from bowstring.files.atomic_io import has_mark, not_overwritten, write_whole_file
+from bowstring.files.json_files import parsed, structured
 from bowstring.formatting import in_mm, listed, significant
-from bowstring.json_files import parsed, structured
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot
 from bowstring.significance import NORMAL, student

@@ -23,12 +23,12 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 import bowstring._core as _core
-from bowstring import json_files
-from bowstring.atomic_io import check_parent, check_writable, folder_beside, resolved
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, fill_table
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
-from bowstring.json_files import Content, Triple, read_json, structured
+from bowstring.files import json_files
+from bowstring.files.atomic_io import check_parent, check_writable, folder_beside, resolved
+from bowstring.files.json_files import Content, Triple, read_json, structured
 from bowstring.robot.fields import numbers_in
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.robot.overrides import expand_all

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from bowstring.atomic_io import readable
 from bowstring.data import matlab, motive, rosbag
 from bowstring.errors import InputError, library_errors
+from bowstring.files.atomic_io import readable
 from bowstring.optional import load_extra
 from bowstring.units import NUMBER, Text, quote, wrong
 

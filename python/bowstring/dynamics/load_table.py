@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from bowstring.atomic_io import readable
 from bowstring.dynamics.base_motion import BaseMotion
 from bowstring.dynamics.load_history import CLOSEST, Table
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import readable
 from bowstring.robot.model import Robot
 from bowstring.units import quote, read_number
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring import _core
+import bowstring._core as _core
 from bowstring.dynamics.integrator import Integrator, with_ratio
 from bowstring.dynamics.modal import modes
 from bowstring.errors import InputError

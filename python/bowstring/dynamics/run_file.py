@@ -30,15 +30,15 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.atomic_io import (
+from bowstring.dynamics import netcdf
+from bowstring.errors import InputError
+from bowstring.files.atomic_io import (
     check_parent,
     check_writable,
     folder_beside,
     readable,
     resolved,
 )
-from bowstring.dynamics import netcdf
-from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics import fields
 from bowstring.statics.fields import FIELDS, Field, Floats, Ints

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bowstring.atomic_io import check_file, write_whole_file
+from bowstring.files.atomic_io import check_file, write_whole_file
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -231,23 +231,6 @@ class Run:
             self.robot, self.frames, self.settings, status=self.status, reason=self.reason
         )
 
-    def show(self, *, port: int = 8080) -> Any:
-        """Play the motion in the browser; short for `bowstring.view` with its defaults.
-
-        Parameters
-        ----------
-        port : int
-            Port of this machine to serve at.
-
-        Returns
-        -------
-        LiveView
-            The page; in a notebook it shows itself.
-        """
-        from bowstring import view  # imported here: integrations are above dynamics
-
-        return view(self, port=port)
-
     def tip_at(self, times: ArrayLike) -> Floats:
         """Interpolate the tip position (K, 3) at times (K,), from positions and velocities.
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from bowstring.atomic_io import write_whole
 from bowstring.fem.comparison import RodComparison
 from bowstring.fem.figures import draw
 from bowstring.fem.run import BrickRun
 from bowstring.fem.vtk import write_vtk
-from bowstring.result_folder import check_folder, write_listing
+from bowstring.files.atomic_io import write_whole
+from bowstring.files.result_folder import check_folder, write_listing
 from bowstring.viz.style import figure_style, save_figure, save_figures
 
 __all__ = ["rows", "write"]

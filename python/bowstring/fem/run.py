@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import validation
-from bowstring.atomic_io import check_place, resolved, user_cache
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fem import ccx, deck
 from bowstring.fem.fields import (
@@ -34,6 +33,7 @@ from bowstring.fem.fields import (
 )
 from bowstring.fem.mesh import BrickMesh, Fineness, brick_mesh, check_meshable
 from bowstring.fem.steps import Job, work
+from bowstring.files.atomic_io import check_place, resolved, user_cache
 from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.load import Load, as_load
 

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import interrupts
-from bowstring.atomic_io import check_place, folder_beside, write_whole_file
 from bowstring.errors import InputError
 from bowstring.fem import ccx, deck, output
 from bowstring.fem.fields import State
 from bowstring.fem.mesh import BrickMesh
+from bowstring.files.atomic_io import check_place, folder_beside, write_whole_file
 from bowstring.robot.model import Robot
 
 __all__ = ["Ended", "Job", "work"]

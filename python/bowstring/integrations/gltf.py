@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring._core import __version__
-from bowstring.atomic_io import check_file, write_whole_file
+from bowstring.files.atomic_io import check_file, write_whole_file
 from bowstring.robot.model import Robot, check_round
 from bowstring.robot.sizes import part_names
 from bowstring.statics.fields import Section

@@ -23,10 +23,10 @@ from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.robot_arcs import RobotArcs
 from bowstring.dynamics.simulation import Run
 from bowstring.errors import BowstringError, InputError
+from bowstring.files.json_files import parsed
 from bowstring.formatting import significant
 from bowstring.integrations.live_guard import only_with
 from bowstring.inverse.kinematics import default_max_tension
-from bowstring.json_files import parsed
 from bowstring.optional import load_extra
 from bowstring.robot.model import Robot
 from bowstring.statics.actuation import commanded

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bowstring.atomic_io import check_file, write_whole_file
+from bowstring.files.atomic_io import check_file, write_whole_file
 from bowstring.optional import load_extra
 from bowstring.robot.model import Robot
 from bowstring.viz.style import LIGHT

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring._core import __version__
-from bowstring.atomic_io import check_file, readable, write_whole_file
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import check_file, readable, write_whole_file
 from bowstring.inverse.solution import InverseSolution
 from bowstring.units import quote
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from bowstring._core import __version__
-from bowstring.atomic_io import (
+from bowstring.files.atomic_io import (
     check_file,
     check_room,
     check_whole_folder,

@@ -14,7 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from bowstring import interrupts
-from bowstring.atomic_io import (
+from bowstring.errors import InputError
+from bowstring.files.atomic_io import (
     check_place,
     check_room,
     folder_beside,
@@ -22,11 +23,10 @@ from bowstring.atomic_io import (
     resolved,
     write_whole_file,
 )
-from bowstring.errors import InputError
+from bowstring.files.json_files import Content, read_json, structured
+from bowstring.files.result_folder import write_json
 from bowstring.jobs import dataset
 from bowstring.jobs.job import LARGEST_BLOCK, Arrays, Job
-from bowstring.json_files import Content, read_json, structured
-from bowstring.result_folder import write_json
 from bowstring.validation import instance, shown
 
 try:

@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import yaml
 
-from bowstring.atomic_io import readable
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import readable
 from bowstring.units import quote
 
 _MAX_DEPTH: Final = 20

@@ -17,7 +17,7 @@ from typing_extensions import NotRequired
 from bowstring import validation
 from bowstring._core import PathSolver, check_memory
 from bowstring.errors import InputError
-from bowstring.json_files import Content, Row, Table, Triple, structured
+from bowstring.files.json_files import Content, Row, Table, Triple, structured
 from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.parts import MAX_TENDONS
 from bowstring.statics.load import Load, PointLoad

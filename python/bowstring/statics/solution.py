@@ -155,23 +155,6 @@ class Solution(Result):
     """Length of each tendon (T,) from the base hole to the end disk's, m; None without a solution.
     """
 
-    def show(self, *, port: int = 8080) -> Any:
-        """Show the pose in the browser; short for `bowstring.view` with its defaults.
-
-        Parameters
-        ----------
-        port : int
-            Port of this machine to serve at.
-
-        Returns
-        -------
-        LiveView
-            The page; in a notebook it shows itself.
-        """
-        from bowstring import view  # imported here: integrations are above statics
-
-        return view(self, port=port)
-
     @property
     def load(self) -> Load:
         """The load that was solved, with its actuation."""

@@ -13,9 +13,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowstring.atomic_io import file_stem, write_whole
+from bowstring.files.atomic_io import file_stem, write_whole
+from bowstring.files.result_folder import check_folder, write_listing
 from bowstring.formatting import number, signed
-from bowstring.result_folder import check_folder, write_listing
 from bowstring.robot.model import Robot
 from bowstring.study.comparison import COMPARISONS, MEANINGS
 from bowstring.study.correction_code import FILES, Language, correction_code

@@ -14,13 +14,13 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import _core
-from bowstring.atomic_io import file_stem, user_cache, write_whole_file
+import bowstring._core as _core
 from bowstring.calibration.observations import numbered
 from bowstring.data.columns import Source
 from bowstring.errors import BowstringError, InputError
-from bowstring.json_files import Content, read_json, structured
-from bowstring.result_folder import write_json
+from bowstring.files.atomic_io import file_stem, user_cache, write_whole_file
+from bowstring.files.json_files import Content, read_json, structured
+from bowstring.files.result_folder import write_json
 from bowstring.results import Key, Result
 from bowstring.suite.prediction import Fitted, arcs_of_shapes, errors_of, fitted, observed
 from bowstring.suite.protocol import Column, Figure, Model, SuiteSet

@@ -10,10 +10,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from bowstring.atomic_io import write_whole
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import write_whole
+from bowstring.files.result_folder import check_folder, write_listing
 from bowstring.formatting import number
-from bowstring.result_folder import check_folder, write_listing
 from bowstring.results import Key, Result
 from bowstring.suite.protocol import built_in_sets, read_set, sets_in
 from bowstring.suite.running import SetResult, run_set

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from bowstring.errors import InputError
-from bowstring.json_files import Content, read_json, structured
+from bowstring.files.json_files import Content, read_json, structured
 from bowstring.robot.safe_yaml import reading
 from bowstring.uncertainty.paths import LOADS, NumberAtPath, NumbersByPath
 from bowstring.units import printable

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.display import short_repr
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import check_file, write_whole_file
 from bowstring.results import Key, Result
 from bowstring.robot.laws import LAWS
 from bowstring.robot.model import Robot

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import check_file, write_whole_file
 from bowstring.robot.model import Robot
 from bowstring.validation import number
 from bowstring.viz.vtk import check_data, circle, holes

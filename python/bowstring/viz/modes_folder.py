@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bowstring.atomic_io import write_whole
 from bowstring.dynamics.modal import Modes
-from bowstring.result_folder import check_folder, write_listing
+from bowstring.files.atomic_io import write_whole
+from bowstring.files.result_folder import check_folder, write_listing
 from bowstring.viz.style import figure_style, save_figure, save_figures
 
 if TYPE_CHECKING:

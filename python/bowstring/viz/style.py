@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from bowstring import interrupts
-from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.errors import BowstringError, FigureWarning
+from bowstring.files.atomic_io import check_file, write_whole_file
 from bowstring.processes import for_each
 from bowstring.viz.colours import COLOURS
 

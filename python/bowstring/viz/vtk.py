@@ -21,8 +21,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.atomic_io import check_whole_folder, not_overwritten, write_whole
 from bowstring.errors import InputError
+from bowstring.files.atomic_io import check_whole_folder, not_overwritten, write_whole
 from bowstring.robot.model import Robot, check_robot, check_round
 from bowstring.statics.fields import FIELDS, Section, surface_stress
 from bowstring.statics.model import RodModel

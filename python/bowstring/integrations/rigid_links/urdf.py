@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring._core import __version__
-from bowstring.atomic_io import check_file
+from bowstring.files.atomic_io import check_file
 from bowstring.integrations.rigid_links.chain import Body, LinkChain
 from bowstring.integrations.rigid_links.xml_file import (
     LEAST,

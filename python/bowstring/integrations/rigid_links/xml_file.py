@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
-from bowstring.atomic_io import write_whole_file
+from bowstring.files.atomic_io import write_whole_file
 from bowstring.integrations.rigid_links.chain import Body, LinkChain
 
 __all__ = ["LEAST", "backbone_radius", "disk_thickness", "joint_names", "row", "write_xml"]

@@ -10,7 +10,7 @@ from pydantic import Field as Limits
 from typing_extensions import NotRequired
 
 from bowstring.errors import InputError
-from bowstring.json_files import Content, parsed, structured
+from bowstring.files.json_files import Content, parsed, structured
 from bowstring.robot.draft import Draft, Field, quantity, tendon, vector
 
 __all__ = ["draft"]

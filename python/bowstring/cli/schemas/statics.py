@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from bowstring.cli.schemas.basic import OfRobot, Vector
+from bowstring.cli.schemas.results import beside
 from bowstring.pose import Pose
 from bowstring.results import Object, about
-from bowstring.schemas.basic import OfRobot, Vector
-from bowstring.schemas.results import beside
 from bowstring.statics.contact_solution import ContactSolution
 from bowstring.statics.limits import Utilisation
 from bowstring.statics.solution import Solution

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from bowstring.cli.schemas.basic import OfRobot, Pair, Vector
 from bowstring.results import Object, about
-from bowstring.schemas.basic import OfRobot, Pair, Vector
 
 __all__ = [
     "Compiled",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from bowstring.cli.schemas.basic import OfRobot
 from bowstring.results import Object, about
-from bowstring.schemas.basic import OfRobot
 
 
 class BuiltInRobot(Object):

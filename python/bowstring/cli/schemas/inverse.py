@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from bowstring.cli.schemas.basic import OfRobot, Vector, VectorOrNull
+from bowstring.cli.schemas.results import beside
+from bowstring.cli.schemas.statics import Arc
 from bowstring.inverse.solution import InverseRow, InverseStatus
 from bowstring.pose import Pose
 from bowstring.results import Object, OrNull, about
-from bowstring.schemas.basic import OfRobot, Vector, VectorOrNull
-from bowstring.schemas.results import beside
-from bowstring.schemas.statics import Arc
 
 __all__ = [
     "Ik",

@@ -11,9 +11,9 @@ from bowstring.calibration.model_comparison import ComparisonInterrupted, ModelC
 from bowstring.calibration.orientation_fit import OrientationFit
 from bowstring.calibration.residual_comparison import ResidualStudy
 from bowstring.calibration.table_fit import Calibration
+from bowstring.cli.schemas.basic import InFolder, MadeBy, OfRobot
+from bowstring.cli.schemas.results import beside
 from bowstring.results import Object, about
-from bowstring.schemas.basic import InFolder, MadeBy, OfRobot
-from bowstring.schemas.results import beside
 from bowstring.statics import branches
 from bowstring.suite import summary
 from bowstring.validity.control import ControlErrors

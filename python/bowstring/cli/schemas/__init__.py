@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from bowstring.schemas import (
+from bowstring.cli.schemas import (
     additions,
     bench,
     compiled,
@@ -21,7 +21,7 @@ from bowstring.schemas import (
     statics,
     study,
 )
-from bowstring.schemas.results import object_of
+from bowstring.cli.schemas.results import object_of
 
 _FORMS: Final[dict[str, Any]] = {
     "robots": program.Robots,

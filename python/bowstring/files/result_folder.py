@@ -13,9 +13,9 @@ from typing import Annotated, Any, Final
 from pydantic import Field
 from typing_extensions import NotRequired
 
-from bowstring.atomic_io import check_whole_folder
 from bowstring.errors import InputError
-from bowstring.json_files import Content, read_json, structured
+from bowstring.files.atomic_io import check_whole_folder
+from bowstring.files.json_files import Content, read_json, structured
 
 __all__ = ["check_folder", "write_json", "write_listing"]
 

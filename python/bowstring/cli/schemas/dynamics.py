@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from bowstring.cli.schemas.basic import InFolder, OfRobot, Vector
+from bowstring.cli.schemas.results import beside
 from bowstring.dynamics import modal
 from bowstring.dynamics.simulation import Status
 from bowstring.results import Object, OrNull, about
-from bowstring.schemas.basic import InFolder, OfRobot, Vector
-from bowstring.schemas.results import beside
 
 
 class TimeStepError(Object):

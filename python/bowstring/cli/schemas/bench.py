@@ -6,12 +6,12 @@ from typing import Annotated, Any, Literal
 
 from typing_extensions import NotRequired
 
+from bowstring.cli.schemas.basic import MadeBy, MadeByRobot, OfRobot, Pair, Vector
 from bowstring.data.columns import Source
 from bowstring.data.measurements import MeasurementIssue
 from bowstring.data.rigid import Rigid
 from bowstring.data.tendon_check import TendonCheck
 from bowstring.results import Object, OrNull, about
-from bowstring.schemas.basic import MadeBy, MadeByRobot, OfRobot, Pair, Vector
 
 
 class TensionRange(Object):

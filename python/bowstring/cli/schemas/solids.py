@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from typing_extensions import NotRequired
 
+from bowstring.cli.schemas.basic import InFolder, OfRobot, Vector
 from bowstring.fem.convergence import Refinement
 from bowstring.fem.run import FeStatus
 from bowstring.pose import Pose
 from bowstring.results import Object, OrNull, about
 from bowstring.robot.sizes import Assumed
-from bowstring.schemas.basic import InFolder, OfRobot, Vector
 
 
 class Part(Object):

@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field, PlainValidator, TypeAdapter, ValidationE
 from pydantic_core import from_json
 from typing_extensions import TypedDict
 
-from bowstring.atomic_io import readable
+from bowstring.files.atomic_io import readable
 
 __all__ = ["Content", "Row", "Table", "Triple", "parsed", "read_json", "structured"]
 

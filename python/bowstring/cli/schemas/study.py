@@ -11,12 +11,12 @@ from typing import Annotated, Any, Literal
 from bowstring.calibration.bootstrap import Expected
 from bowstring.calibration.model_comparison import ModelComparison
 from bowstring.calibration.residual_tests import NoiseTest
+from bowstring.cli.schemas.results import beside
 from bowstring.data.columns import Source
 from bowstring.data.measurements import MeasurementIssue
 from bowstring.data.rigid import Rigid
 from bowstring.data.tip_errors import Comparison
 from bowstring.results import Object, OrNull, about
-from bowstring.schemas.results import beside
 from bowstring.study.angle_validation import AgainstAngles
 from bowstring.study.calibration import StudyCalibration
 from bowstring.study.data_validation import BaseEstimate, DataComparison, Effect
