@@ -115,12 +115,12 @@ class Settings:
 
     @property
     def judged(self) -> str:
-        """Actuated tendons, and of how many combinations none has larger errors."""
+        """Actuated tendons, and of how many combinations none leaves the tolerance earlier."""
         if self.tried < 2:
             return self.actuated
         alone = self.tried == len(self.shares)
         of = f"{self.tried} {'' if alone else 'combinations of '}tendons"
-        return f"{self.actuated} (none of {of} has larger errors)"
+        return f"{self.actuated} (none of {of} leaves the tolerance earlier in its range)"
 
     @property
     def actuated_alone(self) -> bool:
