@@ -647,6 +647,19 @@ def test_a_robot_by_its_name_and_a_table_by_its_path_are_refused():
     refused(says, lambda: bs.calibrate(single(), Path("bench.csv"), ["base"]))
 
 
+def test_a_backlash_of_the_file_is_not_added_to():
+    own = single().with_({"segments.0.tendons.backlash": 1e-4})
+    refused(r"fit segments\.\*\.tendons\.backlash", lambda: fit(own, loads(), ["backlash"]))
+
+
+def test_a_fit_that_ends_at_a_robot_that_is_refused_says_so():
+    """The holes reach the rim of the disks before the tips are those of a softer backbone."""
+    robot = single().with_({"segments.0.disks.radius": 29.2e-3})
+    soft = synthetic(robot, [E], {E: 33e9}, tensions=masses())
+    found = fit(robot, soft, ["pitch_radius"])
+    assert not found.converged and "hole outside its disk" in found.message
+
+
 def test_a_start_without_solution_is_named():
     fight = Data(points=np.ones((7, 3)), displacements=np.full((7, 3), 0.03))
     with pytest.raises(NoSolutionError, match="the first is row 1"):

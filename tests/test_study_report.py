@@ -14,6 +14,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -25,6 +26,7 @@ from bowstring.formatting import in_mm, signed
 from bowstring.robot.reader import load_robot
 from bowstring.study import figures, report
 from bowstring.study.comparison import MEANINGS
+from bowstring.study.correction_polynomial import TipPolynomial
 from bowstring.study.counterparts import counterparts
 from bowstring.study.data_validation import judge_data
 from bowstring.study.figure_list import FIGURES
@@ -628,7 +630,7 @@ def test_the_terminal_begins_with_the_verdict_in_27_lines(paper: Study, width: i
     assert limit is not None and f"up to {limit:.3g} N" in text
     assert "because it ignores that the tendons run straight between the disks; corr" in text
     assert text.index("From force") < text.index("angle 18 u/(v")
-    assert "no other of 3 tendons has larger errors" in text
+    assert "no other of 3 tendons leaves the tolerance earlier" in text
     assert "Friction 0.1 (assumed)" in text and "--verbose" in text
 
 
@@ -639,6 +641,15 @@ def test_a_limit_of_0_in_most_samples_has_no_factor(paper: Study) -> None:
     how = dict(summarise(replace(paper, spreads=(spread,))).findings)["How sure"]
     share = f"{100.0 * spread.share_exceeded:.0f} %"
     assert how.endswith(f"from force the limit is 0 N in {share} of the samples")
+
+
+def test_a_correction_that_reaches_farther_than_the_polynomial_is_named(paper: Study) -> None:
+    unused = np.zeros((1, 3))
+    fit = TipPolynomial(*[unused] * 4, np.ones((1, 3), int), unused, 1e-3, 1.0, top=40.0)
+    meanings = tuple(replace(m, polynomial=fit) for m in paper.verdict.meanings)
+    found = summarise(replace(paper, verdict=replace(paper.verdict, meanings=meanings)))
+    headings = [heading for heading, _ in found.findings]
+    assert headings[:2] == ["Polynomial from lengths", "Corrected from lengths"]
 
 
 @pytest.mark.usefixtures("coarse")

@@ -101,6 +101,11 @@ def test_the_sentence_of_a_limit() -> None:
     assert text == "56 N (95 %: 49 to 63 N); less than 1 % of the samples have no result"
 
 
+def test_values_far_below_the_spread_keep_two_digits() -> None:
+    said = spread_text(summarise(np.r_[np.linspace(0.47, 0.9, 900), np.full(100, 12.3)]), None, "N")
+    assert said == "0.71 N (95 %: 0.48 to 12 N)"
+
+
 def test_limits_beyond_the_loads_are_infinite() -> None:
     values = np.r_[np.linspace(50.0, 80.0, 900), np.full(100, np.inf)]
     found = summarise(values)

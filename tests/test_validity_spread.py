@@ -13,7 +13,7 @@ import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.validity.loading import Loading
-from bowstring.validity.spread import Spread, validity_spread
+from bowstring.validity.spread import Spread, assumed_distributions, validity_spread
 
 ROBOT = bs.load_robot("amouri2019")
 E = "segments.*.backbone.E"
@@ -91,11 +91,31 @@ def test_a_model_that_holds_everywhere_says_so(held: Spread) -> None:
         ({"hole_clearance": {"uniform": {"from": 0.0, "to": 1e-3}}}, "changes nothing"),
         ({"segments.*.backbone.young": {"normal": {"sd": "5 %"}}}, "did you mean"),
         ({E: {"normal": {"mean": 1e9, "sd": 1e9}}}, "log-normal|lognormal"),
+        ({"pitch_radius": {"normal": {"sd": "5 %"}}}, "samples reach a robot that is refused"),
     ],
 )
 def test_bad_distributions_are_refused(distributions: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         validity_spread(ROBOT, distributions, points=64)
+
+
+@pytest.mark.parametrize(
+    ("robot", "changes", "varied"),
+    [
+        ("rao2021", {"segments.0.backbone.E": 60e9}, ["0.backbone.E", "1.backbone.E"]),
+        ("rao2021", {"segments.0.tendons.*.pitch_radius": 6e-3}, ["0.tendons.", "1.tendons."]),
+        ("amouri2019", {"segments.0.disks.radius": 29.5e-3}, []),  # holes next to the rim
+    ],
+)
+def test_the_assumed_numbers_are_those_that_the_robot_lets_vary(
+    robot: str, changes: dict[str, float], varied: list[str]
+) -> None:
+    changed = bs.load_robot(robot).with_(changes)
+    assumed = assumed_distributions(changed)
+    assert all(any(part in path for path in assumed.paths) for part in varied)
+    assert any(path.endswith(".E") for path in assumed.paths)
+    spread = validity_spread(changed, assumed, points=32, loading=Loading(points=5))
+    assert spread.limit_text
 
 
 def test_friction_makes_each_sample_a_path() -> None:

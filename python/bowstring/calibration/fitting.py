@@ -787,6 +787,11 @@ def _message(
     unsolved = f"{work.unsolved} of {work.asked.sum()} rows"
     if lost:
         said = [f"Not converged: {unsolved} have no equilibrium at the end."]
+    elif stuck and work.refused:
+        said = [
+            "Not converged: the error falls towards values that the robot refuses "
+            f"({work.refused}). Check the robot file, or fit other parameters."
+        ]
     elif stuck:
         said = [
             "Not converged: the derivatives promise a lower error, and no step has it: begin from "

@@ -70,6 +70,8 @@ def reason_against(memory: Memory, commands: Commands, given: Unknowns) -> str:
         return "backlash is of displacements, and all tendons are tension-controlled"
     if memory == "creep" and not commands.by_displacement.any():
         return "creep moves no tip, as all tendons are tension-controlled"
+    if memory == "backlash" and memory in given.robot.memories:
+        return "the robot file has it"
     if laws.MEMORIES[memory].timed:
         try:
             commands.clock(memory)

@@ -281,6 +281,12 @@ class Unknowns:
         self._robots: dict[object, Robot] = {}
         self._from_home = False
         begin = {name: _finite(name, value) for name, value in (start or {}).items()}
+        if own.backlash_m.any() and any(n.startswith("backlash") for n in (*names, *begin)):
+            raise InputError(
+                f"parameter backlash would add to the backlash of the drives in {robot.name}: fit "
+                "segments.*.tendons.backlash, or set that to 0 mm",
+                argument="parameters",
+            )
         given = {each: value for name, value in begin.items() for each in self._expand(name)}
         fitted = [each for name in names for each in self._expand(name)]
         if twice := [each for each in fitted if fitted.count(each) > 1]:

@@ -125,6 +125,8 @@ class Residuals:
         self._tangent: _Tangent | None = None
         #: Whether derivatives with friction are updated, not renewed, after a step.
         self.corrects = True
+        #: Why the robot refused a step; empty if it refused none.
+        self.refused = ""
 
     @property
     def weight(self) -> Floats:
@@ -228,7 +230,8 @@ class Residuals:
         """Weighted residuals (3 n,) of the used rows, mm."""
         try:
             at = self.prediction(scaled)
-        except InputError:  # invalid robot
+        except InputError as refusal:  # invalid robot
+            self.refused = str(refusal).partition("\n")[0].rstrip(".")
             return np.full(self.count, 1e6)
         error = 1e3 * (at.points - self.measured)[self.counted].ravel() * self.weight
         lost = self.of_rows(~at.solved)

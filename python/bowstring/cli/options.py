@@ -137,7 +137,8 @@ def _sweep(
         TendonShares(
             "N[:SHARE],...",
             "The actuated tendon, or several: 1,4:0.5 gives tendon 4 half the tension.  "
-            "[default: the first of the outermost segment]",
+            "[default: the first of the outermost segment; study takes the worst "
+            "one]",
             "--tendon",
         ),
     ],

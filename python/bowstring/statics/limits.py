@@ -283,8 +283,8 @@ def of_sweep(
                 f"{where(beyond)} the backbone{of} exceeds its limit: {largest}; "
                 "statics stays linearly elastic there. Lower the largest tension."
             )
-        uses.append(f"Largest on the backbone{of}: {largest}.")
-    return tuple(warnings), tuple(uses)
+        uses.append((-mine[worst].share, f"Largest on the backbone{of}: {largest}."))
+    return tuple(warnings), tuple(text for _, text in sorted(uses))
 
 
 def _lowest(z: Floats) -> str:

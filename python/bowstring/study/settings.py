@@ -115,12 +115,12 @@ class Settings:
 
     @property
     def judged(self) -> str:
-        """Actuated tendons, and of how many combinations no other has larger errors."""
+        """Actuated tendons, and of how many combinations none leaves the tolerance earlier."""
         if self.tried < 2:
             return self.actuated
         alone = self.tried == len(self.shares)
         of = f"{self.tried} {'' if alone else 'combinations of '}tendons"
-        return f"{self.actuated} (no other of {of} has larger errors)"
+        return f"{self.actuated} (no other of {of} leaves the tolerance earlier)"
 
     @property
     def actuated_alone(self) -> bool:

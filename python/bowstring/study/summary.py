@@ -124,7 +124,8 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
     yield from _largest_effect(study)
     yield from _actuation(study)
     if study.limits_text:
-        yield "Backbone", study.limits_text[0].rstrip(".")
+        heading, _, found = study.limits_text[0].rstrip(".").partition(": ")
+        yield heading, found
     if study.dynamics is not None and math.isfinite(study.dynamics.max_difference[0]):
         largest, _ = study.dynamics.max_difference
         yield (
@@ -155,7 +156,8 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
                 f"most {top} N; degree {fit.degree}, {len(fit.exponents)} terms; --correction "
                 "python, c or matlab writes it as code",
             )
-            continue
+            if fit.top >= study.settings.max_tension or not corrected.valid_throughout:
+                continue
         lower = corrected.max_error < 0.9 * meaning.max_error
         if not (meaning.corrected_reaches_farther or lower):
             continue
@@ -165,7 +167,7 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
             law = ', "arm"' if from_force else ', "chord"'
             call = "from_tensions(robot, tensions" if from_force else "from_lengths(robot, lengths"
             formula = f"module by module: RobotArcs.{call}{law}) in Python"
-            if not without_closed_form(study.robot):
+            if fit is None and not without_closed_form(study.robot):
                 formula += "; --correction python, c or matlab writes it as code"
         error = in_mm(corrected.max_error)
         if corrected.undecided:

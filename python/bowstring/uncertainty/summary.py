@@ -203,10 +203,11 @@ def spread_text(
     spread = high - low
 
     def text(value: float) -> str:
-        """Write a value to two digits of the spread."""
+        """Write a value to two digits of the spread and of itself, unless it is far smaller."""
         if not 0.0 < spread < math.inf:
             return significant(value)
-        return f"{value:.{max(0, 1 - math.floor(math.log10(spread)))}f}"
+        finest = min(spread, abs(value)) if abs(value) > 1e-3 * spread else spread
+        return f"{value:.{max(0, 1 - math.floor(math.log10(finest)))}f}"
 
     ends = f"95 %: {text(low)} to {text(high)} {unit}"
     beyond = "beyond the range" if end is None else f"more than {significant(end / size)} {unit}"

@@ -48,6 +48,8 @@ __all__ = ["Spread", "assumed_distributions", "sampled", "validity_spread"]
 Floats = NDArray[np.float64]
 
 _BLOCK: Final = 4096  # samples solved at a time
+_MOST_ASSUMED: Final = 24  # numbers of one kind, as each takes its share of the samples
+_WIDEST: Final = 5.0  # standard deviations that a sample stays within
 _NAMED: Final = 0.025  # share of the samples without any valid load, from which on the text has it
 _MARGIN: Final = 1.5  # end of the ramp over the nominal limit
 
@@ -420,9 +422,12 @@ def sampled(
 
     design = SaltelliDesign(joint, points)
     report = progress or (lambda what, done: None)
-    outputs = evaluate(
-        results, design, rows=_BLOCK, progress=lambda done: report("samples", 0.9 * done)
-    )
+    try:
+        outputs = evaluate(
+            results, design, rows=_BLOCK, progress=lambda done: report("samples", 0.9 * done)
+        )
+    except InputError as error:
+        raise InputError(f"samples reach a robot that is refused: {error}") from error
     report("indices", 0.9)
     by_name = dict(zip(names, np.split(outputs, len(names), axis=1), strict=True))
 
@@ -459,8 +464,8 @@ def sampled(
 def assumed_distributions(robot: Robot) -> Distributions:
     """Assume how roughly a robot is known: E to 5 %, the pitch radius to 1 % (standard deviations).
 
-    A robot by stiffness matrices alone has no E, and its pitch radius only varies; that of each
-    tendon alone where the radii differ.
+    Each is one number of the robot; where its values differ, one of each segment, or one of each
+    tendon. What the robot refuses, such as a hole beyond the rim of its disk, does not vary.
 
     Raises
     ------
@@ -468,20 +473,32 @@ def assumed_distributions(robot: Robot) -> Distributions:
         If there is no E and no pitch radius that may vary.
     """
     found: dict[str, Any] = {}
-    if any(segment.backbone.E is not None for segment in robot.segments):
-        found["segments.*.backbone.E"] = {"normal": {"sd": "5 %"}}
-    path = "segments.*.tendons.pitch_radius"
-    try:
-        return read_distributions({**found, path: {"normal": {"sd": "1 %"}}}, robot)
-    except InputError:  # a hole next to the rim, or tendons of several radii or both forms
-        if found:
-            return read_distributions(found, robot)
-    each: dict[str, Any] = {}
+    moduli = [
+        f"segments.{k}.backbone.E" for k, s in enumerate(robot.segments) if s.backbone.E is not None
+    ]
+    rings, tendons = [], []
     for k, segment in enumerate(robot.segments):
-        ring = isinstance(segment.tendons, TendonRing)
-        for place in [""] if ring else [f"{i}." for i in range(len(segment.tendon_list))]:
-            each[f"segments.{k}.tendons.{place}pitch_radius"] = {"normal": {"sd": "1 %"}}
-    return read_distributions(each, robot)
+        own = [f"{i}." for i in range(len(segment.tendon_list))]
+        rings += [f"segments.{k}.tendons.pitch_radius"] * bool(own)
+        places = [""] if isinstance(segment.tendons, TendonRing) else own
+        tendons += [f"segments.{k}.tendons.{place}pitch_radius" for place in places]
+    for sd, choices in (
+        ("5 %", (["segments.*.backbone.E"], moduli)),
+        ("1 %", (["segments.*.tendons.pitch_radius"], rings, tendons)),
+    ):
+        for paths in choices:
+            if len(paths) > _MOST_ASSUMED:
+                continue
+            wider = {**found, **{path: {"normal": {"sd": sd}} for path in paths}}
+            try:
+                joint = read_distributions(wider, robot)
+                ends = joint.mean + np.array([[-_WIDEST], [_WIDEST]]) * joint.sd
+                Designs(robot, joint.by_path(ends))
+            except InputError:
+                continue
+            found = wider
+            break
+    return read_distributions(found, robot)
 
 
 def _check_paths(joint: Distributions) -> None:
