@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.robot.model import with_tendons
 from bowstring.study.study import Study
-from fem_robots import needs_ccx
 from shooting import Shooting
 
 HELIX = {"segments.0.tendons.turns": 0.5, "segments.0.tendons.end_pitch_radius": 0.015}
@@ -101,29 +99,6 @@ def test_a_drawing_has_a_view_of_each_disk_that_differs() -> None:
     same = len(draw_disks(bs.load_robot("amouri2019", sizes)).axes)
     wound = len(draw_disks(helical(**sizes)).axes)
     assert wound == 9 * same
-
-
-@needs_ccx
-def test_finite_elements_of_an_oblique_converging_routing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Within 1 % of the displacement of the tip (0.5 % seen), and not of a parallel routing."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    size = {
-        "segments.0.disks.count": 5,
-        "segments.0.length": "250 mm",
-        "segments.0.disks.clamped_length": "3 mm",
-    }
-    routing = {"segments.0.tendons.turns": 0.25, "segments.0.tendons.end_pitch_radius": "18 mm"}
-    robot, plain = (bs.load_robot("amouri2019", size | more) for more in (routing, {}))
-    tensions = np.array([[20.0, 0.0, 0.0], [40.0, 5.0, 0.0]])
-    straight = np.array([0.0, 0.0, robot.length])
-    solid = bs.fem.sweep(robot, tensions).raise_for_status().tip_position - straight
-    rod = bs.sweep(robot, tensions).tip_position - straight
-    other = bs.sweep(plain, tensions).tip_position - straight
-    size_of = np.linalg.norm(rod, axis=1)
-    assert np.all(np.linalg.norm(solid - rod, axis=1) < 0.01 * size_of)
-    assert np.all(np.linalg.norm(solid - other, axis=1) > 0.2 * size_of)
 
 
 def test_elastic_tendons_that_are_not_parallel_have_their_own_length() -> None:

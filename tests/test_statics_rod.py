@@ -250,29 +250,6 @@ def test_buckling_finds_the_bent_branch(robot, bare, ratio):
 # --- conservation laws --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
-@pytest.mark.parametrize("tendon", ["straight", "continuous"])
-def test_maxwell_reciprocity(rao, theory, tendon):
-    """The compliance of (lengths, -tip) by (tensions, force) is symmetric: there is a potential."""
-    load = np.array([2.0, 0.5, 0.3, 1.0, 0.2, 0.7, 0.02, -0.03, 0.01])
-    h = np.array([1e-3] * 6 + [1e-5] * 3)
-
-    def answer(load):
-        model = bs.RodModel(theory, tendon_path=tendon)
-        s = bs.solve(rao, load[:6], load=bs.Load(tip_force=load[6:]), model=model)
-        s.raise_for_status()
-        return np.concatenate([s.tendon_lengths, -s.tip.position])
-
-    step = np.diag(h)
-    compliance = np.stack(
-        [(answer(load + step[i]) - answer(load - step[i])) / (2 * h[i]) for i in range(9)]
-    )
-    scale = np.sqrt(np.abs(np.diag(compliance)))
-    normed = compliance / np.outer(scale, scale)
-    assert np.abs(normed - normed.T).max() < 1e-6
-    assert np.linalg.eigvalsh(-(normed + normed.T)).min() > -1e-6  # positive compliance
-
-
 def test_jacobians_need_a_solution_and_straight_spans(robot):
     with pytest.raises(NoSolutionError):
         bs.jacobians(bs.solve(robot, [2e4, 2e4, 2e4]))
