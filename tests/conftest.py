@@ -12,7 +12,7 @@ import pytest
 
 from bowstring import interrupts
 from bowstring.robot.reader import load_robot
-from bowstring.study import run
+from bowstring.study import correction_polynomial, run
 from bowstring.study.run import run_study
 from bowstring.study.study import Study
 from bowstring.validity import contour
@@ -53,8 +53,10 @@ def written(studied: tuple[Path, str]) -> Path:
 
 @pytest.fixture
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Few samples of uncertain numbers and coarse lines in maps, for tests of other results."""
+    """Few samples, coarse lines in maps, and few loads of polynomials, for other results."""
     monkeypatch.setattr(run, "_ASSUMED_POINTS", 16)
+    monkeypatch.setattr(correction_polynomial, "_FITTED", 600)
+    monkeypatch.setattr(correction_polynomial, "_HELD_OUT", 200)
     monkeypatch.setattr(contour, "_CELLS", 16)
 
 

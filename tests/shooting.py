@@ -30,14 +30,17 @@ class Shooting:
         stiffness: Floats | None = None,
     ) -> None:
         if stiffness is None:
-            bending, shear = robot.bending_stiffness[0], robot.shear_stiffness[0]
-            stretching = [shear, shear, robot.axial_stiffness[0]]
-            stiffness = np.diag([bending, bending, robot.torsion_stiffness[0], *stretching])
-        #: Strains by the wrench, both in axes of the section.
-        self.compliance = np.linalg.inv(stiffness)
+            bending, shear = robot.bending_stiffness, robot.shear_stiffness
+            stretching = [shear, shear, robot.axial_stiffness]
+            rows = np.array([bending, bending, robot.torsion_stiffness, *stretching]).T
+            stiffness = rows[:, :, None] * np.eye(6)
+        segment = robot.disks.segment
+        #: Strains by the wrench, both in axes of the section, and weights per length by module.
+        by_segment = np.broadcast_to(np.linalg.inv(stiffness), (segment[-1] + 1, 6, 6))
+        self.compliance = by_segment[segment]
         if found.model.theory == "kirchhoff":
-            self.compliance[3:] = 0.0
-        self.weight = float(robot.mass_per_length[0]) * found.core.gravity
+            self.compliance[:, 3:] = 0.0
+        self.weight = np.outer(robot.mass_per_length[segment], found.core.gravity)
         self.stations = robot.disks.station_m
         self.loads = loads
         self.on_disks = self.spans(robot, found)
@@ -49,23 +52,28 @@ class Shooting:
         positions = np.concatenate([np.zeros((1, 3)), found.disk_positions])
         turns = np.concatenate([np.eye(3)[None], found.disk_rotations])
         out = np.zeros((len(positions), 2, 3))
-        for hole, tension in zip(robot.tendons.hole_m, found.tensions, strict=True):
-            arms = turns @ np.array([*hole, 0.0])
-            along = np.diff(positions + arms, axis=0)
+        tendons = robot.tendons
+        for t, tension in enumerate(found.tensions):
+            ends = int(tendons.end_disk[t]) + 2
+            own = np.broadcast_to(tendons.holes_m[t], (len(turns), 2))[:ends]
+            arms = np.einsum("nij,nj->ni", turns[:ends, :, :2], own)
+            along = np.diff(positions[:ends] + arms, axis=0)
             pull = tension * along / np.linalg.norm(along, axis=1)[:, None]
             forces = np.concatenate([pull, np.zeros((1, 3))])
             forces[1:] -= pull
-            out[:, 0] += forces
-            out[:, 1] += np.cross(arms, forces)
+            out[:ends, 0] += forces
+            out[:ends, 1] += np.cross(arms, forces)
         return out[1:]
 
-    def rate(self, _: float, y: Floats) -> Floats:
+    def rate(self, _: float, y: Floats, module: int) -> Floats:
         turn, force, moment = y[3:12].reshape(3, 3), y[12:15], y[15:18]
-        strain = self.compliance @ np.concatenate([turn.T @ moment, turn.T @ force])
+        strain = self.compliance[module] @ np.concatenate([turn.T @ moment, turn.T @ force])
         along = turn @ (np.array([0.0, 0.0, 1.0]) + strain[3:])
         x, y_, z = strain[:3]
         turned = turn @ np.array([[0.0, -z, y_], [z, 0.0, -x], [-y_, x, 0.0]])
-        return np.concatenate([along, turned.ravel(), -self.weight, -np.cross(along, force)])
+        return np.concatenate(
+            [along, turned.ravel(), -self.weight[module], -np.cross(along, force)]
+        )
 
     def shoot(self, wrench: Floats) -> tuple[Floats, Floats, Floats]:
         """Force and moment left beyond the tip; positions and rotations of the disks."""
@@ -74,7 +82,8 @@ class Shooting:
         places += [(load.arc_length or 0.0, load) for load in self.loads]
         before, disks = 0.0, []
         for s, what in sorted(places, key=lambda place: place[0]):
-            done = solve_ivp(self.rate, (before, s), y, method="DOP853", rtol=1e-12, atol=1e-14)
+            span, module = (before, s), (min(len(disks), len(self.stations) - 1),)
+            done = solve_ivp(self.rate, span, y, "DOP853", args=module, rtol=1e-12, atol=1e-14)
             y, before = done.y[:, -1].copy(), s
             turn = y[3:12].reshape(3, 3)
             if isinstance(what, bs.PointLoad):
@@ -89,9 +98,12 @@ class Shooting:
         positions, turns = (np.array(each) for each in zip(*disks, strict=True))
         return y[12:18], positions, turns
 
-    def solve(self) -> tuple[Floats, Floats]:
-        """Positions and rotations of the disks where nothing is left beyond the tip."""
-        found = root(lambda wrench: self.shoot(wrench)[0], np.zeros(6), tol=1e-12)
+    def solve(self, near: Any = (0.0,) * 6) -> tuple[Floats, Floats]:
+        """Positions and rotations of the disks where nothing is left beyond the tip.
+
+        The force and moment at the base are searched near these.
+        """
+        found = root(lambda wrench: self.shoot(wrench)[0], near, tol=1e-12)
         left, positions, turns = self.shoot(found.x)
         assert np.abs(left).max() < 1e-9
         return positions, turns

@@ -38,6 +38,7 @@ def test_step_holds_named_coloured_parts(solid, tmp_path):
     assert [child.label for child in read.children] == [part.name for part in solid.parts]
     for child, part in zip(read.children, solid.parts, strict=True):
         assert len(child.solids()) == 1 and child.is_valid
+        assert 1e-9 * child.volume == pytest.approx(part.volume_m3, rel=1e-6)
         np.testing.assert_allclose(tuple(child.color)[:3], rgb(part.colour), atol=2e-3)
     text = file.read_text("ascii")
     assert "SI_UNIT(.MILLI.,.METRE.)" in text

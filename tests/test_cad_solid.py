@@ -371,17 +371,3 @@ def test_without_opengl_there_is_another_sentence(monkeypatch):
     monkeypatch.setattr(sys, "meta_path", [Finder, *sys.meta_path])
     with pytest.raises(InputError, match=r"\(libGL.*\); install .* apt-get install libgl1"):
         check_cad()
-
-
-def test_oblique_tendons_of_a_robot_without_a_pose_run_from_hole_to_hole():
-    routing = {"segments.0.tendons.turns": 0.25, "segments.0.tendons.end_pitch_radius": "15 mm"}
-    robot = bs.load_robot("amouri2019", routing)
-    solid = make_solid(robot)
-    lengths = bs.solve(robot, [0, 0, 0]).tendon_lengths
-    for i, part in enumerate(of_kind(solid, "tendon")):
-        area = math.pi / 4 * solid.sizes.tendon_m[i] ** 2
-        assert part.shape.is_valid
-        assert part.volume_m3 == pytest.approx(area * lengths[i], rel=1e-9)
-        assert lengths[i] > 1.0005 * robot.length
-        end = robot.tendons.holes_m[i, -1]
-        np.testing.assert_allclose(solid.tendon_paths[i][-1], [*end, robot.length], atol=1e-15)

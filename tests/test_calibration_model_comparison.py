@@ -385,19 +385,27 @@ def test_a_long_comparison_says_how_long_it_takes(
     assert said.count("Note: ") == 1 and "takes about 9 minutes more" in said
 
 
-def test_the_command_writes_the_comparison(shell: Shell, tmp_path: Path) -> None:
+def test_the_command_writes_the_comparison(
+    shell: Shell, tmp_path: Path, remembered: ModelComparison, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def compare(robot: Robot, data: Measurements, names: list[str], **more: Any) -> ModelComparison:
+        assert robot.gravity[2] == -9.80665 and (len(data), names) == (33, ["base", E])
+        assert more["folds"] == 5 and more["validation"] is None
+        return remembered
+
+    monkeypatch.setattr("bowstring.calibration.model_comparison.compare_models", compare)
     file, out = ROOT / "examples" / "bench.csv", tmp_path / "out"
     flags = ("--set", "gravity=0 0 -9.80665 m/s^2", "--parameter", "base", "--parameter", E)
     command = ("fit", "amouri2019", "--measurements", str(file), *flags, "--compare")
     got = shell.json(*command, "--out", str(out))["comparison"]
-    assert got["chosen"] == got["memory"] == "rod_friction" and got["folds"] == 5
+    assert got["chosen"] == got["memory"] == "rod_backlash" and got["folds"] == 5
     parts = [value for name, value in got["parts"].items() if name.endswith("_mm")]
     assert 2 * parts[0] == pytest.approx(sum(parts), rel=1e-12)
     assert got["parts"]["noise_source"] == "stated"
     with (out / "models.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["model"] for row in rows] == [each["model"] for each in got["models"]]
-    assert [row["model"] for row in rows if row["chosen"] == "yes"] == ["rod_friction"]
+    assert [row["model"] for row in rows if row["chosen"] == "yes"] == ["rod_backlash"]
     shown = {row["model"]: row["left_out_mean_mm"] for row in rows}
     for each in got["models"]:
         if each["left_out"] is None:

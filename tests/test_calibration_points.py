@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from bowstring.calibration.table_fit import Validation, calibrate, read_start
 from bowstring.calibration.tip_model import Prediction, TipModel
 from bowstring.constant_curvature import RobotArcs
 from bowstring.data import Measurements
-from bowstring.data.measurements import load, write_measurements
+from bowstring.data.measurements import write_measurements
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from objects import measured
@@ -508,28 +508,3 @@ def test_an_offset_and_the_base_are_not_separated_by_one_pose() -> None:
 
 
 # -- data of others --------------------------------------------------------------------------------
-
-
-def test_markers_of_the_tentacle(public_data: Callable[[str], Path]) -> None:
-    """Measured: four markers in eight rows. Fitted to all, none of them is far off; fitted to the
-    tip alone, the others are predicted worse."""
-    folder = public_data("soromox-tentacle")
-    sets = Path(bs.__file__).parent / "suite" / "sets"
-    robot = bs.load_robot(sets / folder.name / "robot.yaml")
-    data = replace(load(folder.name), stations=np.array([129.1, 219.5, 280.0, 360.0]) / 360.0)
-    offsets = {"marker.0.y": 0.025, "marker.1.y": -0.021, "marker.2.y": 0.020}
-    names = ["segments.*.backbone.E", "segments.*.backbone.density"]
-    found = fit(robot, data, names, start=offsets, loss="linear")
-    assert found.converged and found.score_of_points.count == 32
-    assert 1e3 * found.score_of_points.mean == pytest.approx(11.0, abs=0.3)
-    tip = replace(data, points=data.points[:, -1:], stations=None)
-    alone = fit(robot, tip, names, start=offsets, loss="linear")
-    assert alone.score.rmse < found.score.rmse
-    model = TipModel(
-        Unknowns(alone.robot, [], {**offsets, "tool.z": 0.008}),
-        observations.commands(data, robot),
-        RodModel(),
-        found.disks,
-    )
-    rms = np.sqrt(((model.predict(np.zeros(0)).points - data.points) ** 2).sum(axis=2).mean())
-    assert rms > found.score_of_points.rmse

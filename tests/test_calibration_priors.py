@@ -242,7 +242,7 @@ def test_intervals_cover_truths_drawn_from_the_priors_synthetic(loss):
     """Six rows: E and base are free, gains are half known, holes are left to their priors."""
     names = [E, "gain.tendons", "pitch_radius", "hole_angle", "base.rz"]
     priors, held = default_priors(single(), names), []
-    for seed in range(100):
+    for seed in range(50):
         rng = np.random.default_rng(seed)
         truth = {E: 35e9 * (1 + rng.normal(0, 0.05)), "base.rz": rng.normal(0, 0.02)}
         neutral = {name: 0.0 if name == "hole_angle" else 1.0 for name in priors}
@@ -254,8 +254,8 @@ def test_intervals_cover_truths_drawn_from_the_priors_synthetic(loss):
         for e in found.estimates:
             per_unit = {"GPa": 1e9, "deg": np.pi / 180, "": 1.0}[e.unit]
             held.append(e.low <= truth[e.name] / per_unit <= e.high)
-    # 665 of 700 expected; E and the gains err together, so that the standard deviation is 0.012
-    assert 0.90 <= np.mean(held) <= 0.98
+    # 332 of 350 expected; E and the gains err together, so that the standard deviation is 0.017
+    assert 0.90 <= np.mean(held) <= 0.99
 
 
 # -- use ---------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -61,27 +60,6 @@ def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
     assert settings == {"tensions_N": [60, 0, 0], "displacements_m": None, "angles_rad": None}
     end = bd.import_step("robot.step").children[10].center(bd.CenterOf.MASS)
     np.testing.assert_allclose(np.array(tuple(end)) / 1e3, solution.tip.position, atol=1e-8)
-
-
-@pytest.mark.cad
-def test_displacements_and_overrides(shell: Shell, here: Path) -> None:
-    pytest.importorskip("build123d", exc_type=ImportError)
-    heavy = (
-        "--set",
-        "segments.0.disks.density=1200",
-        "--set",
-        "segments.0.disks.hole_diameter=4 mm",
-    )
-    found = shell.json(*CAD, *heavy, "--displacement", "10 mm,-5 mm,-5 mm", "--out", "robot.glb")
-    robot = bs.load_robot(
-        "amouri2019", {"segments.0.disks.density": 1200, "segments.0.disks.hole_diameter": "4 mm"}
-    )
-    tip = bs.solve(robot, load=bs.Load(displacements=[0.01, -0.005, -0.005])).tip.position
-    np.testing.assert_allclose(found["tip"]["position_m"], tip, atol=1e-12)
-    parts = {part["name"]: part for part in found["parts"]}
-    volume = math.pi * 0.003 * (0.032**2 - 0.0025**2 - 3 * 0.002**2)
-    assert parts["disk_3"]["mass_kg"] == pytest.approx(1200 * volume, rel=1e-12)
-    assert not any("hole_diameter" in size["field"] for size in found["assumed"])
 
 
 @pytest.mark.cad

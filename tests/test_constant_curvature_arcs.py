@@ -334,36 +334,6 @@ def test_linear_law_is_the_continuous_tendon():
 
 
 # tip of the study's robot by an independent Kirchhoff solver with straight spans, mm
-KIRCHHOFF = [
-    [0.0, 641.0],
-    [27.77888727, 640.19672805],
-    [55.56058998, 637.77806013],
-    [83.23698196, 633.73650122],
-    [110.69858358, 628.07244855],
-    [137.83517404, 620.79437947],
-    [164.53642754, 611.91898962],
-    [190.69256893, 601.4712786],
-    [216.19504466, 589.48458062],
-    [240.93720393, 576.00053785],
-    [264.81498521, 561.06901489],
-    [287.72760257, 544.74795294],
-    [309.57822647, 527.10316305],
-    [330.2746531, 508.20805811],
-    [349.72995672, 488.14332398],
-    [367.86311886, 466.99653059],
-    [384.59962882, 444.86168461],
-]
-
-
-def test_lever_arm_law_matches_the_physics():
-    tensions = np.zeros((17, 3))
-    tensions[:, 0] = np.arange(0, 85, 5)
-    for law, mean in (("linear", 4.417), ("arm", 0.022)):
-        tip = robot_arcs(one_segment(), tensions, law).tip.position
-        off = np.linalg.norm(1e3 * tip[:, [0, 2]] - KIRCHHOFF, axis=-1)
-        assert off.mean() == pytest.approx(mean, abs=0.001)
-
-
 # -- tip to arc ----------------------------------------------------------------------------------
 
 

@@ -5,18 +5,15 @@ from __future__ import annotations
 import json
 import math
 import pickle
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import bowstring as bs
 from bowstring.dynamics.load_history import Table, ramp, step
 from bowstring.dynamics.modal import modes
-from bowstring.dynamics.run_file import read_run
-from bowstring.dynamics.simulation import NoStart, RunInterrupted, simulate
+from bowstring.dynamics.simulation import NoStart, simulate
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import with_tendons
 from objects import objects
@@ -110,18 +107,6 @@ def test_slow_load_and_unload_follow_the_path() -> None:
     assert width[20] > 2e-3  # in the middle of loading, 20 N
     assert abs(x - static).max() < 1e-3
     assert (x[::-1] - x)[20] == pytest.approx(width[20], rel=0.2)
-
-
-def test_a_motion_continues_a_history() -> None:
-    """From 20 N while unloading from 40 N, where friction holds the robot at a larger bend."""
-    path = bs.sweep(WITH_FRICTION, [[20, 0, 0], [40, 0, 0], [30, 0, 0], [20, 0, 0]])
-    history = json.loads(json.dumps(path.history()))
-    run = simulate(
-        WITH_FRICTION, [20, 0, 0], 0.1, start=bs.Start(history=history)
-    ).raise_for_status()
-    np.testing.assert_allclose(run.tip_position[:, 0], path.tip_position[3, 0], atol=1e-9)
-    fresh = simulate(WITH_FRICTION, [20, 0, 0], 0.1)
-    assert fresh.tip_position[0, 0] < path.tip_position[3, 0] - 2e-3
 
 
 def test_ideal_tendons_match_tension_control() -> None:
@@ -286,35 +271,6 @@ def test_fields_of_an_equilibrium_match_the_solution(
         np.testing.assert_allclose(fields[name], expected, rtol=0, atol=error, err_msg=name)
 
 
-def test_a_file_has_the_new_fields(tmp_path: Path) -> None:
-    arguments: dict[str, Any] = {
-        "tensions": ramp([5, NAN, NAN], 0.05),
-        "displacements": ramp([NAN, 0.002, -0.02], 0.05),
-        "duration": 0.1,
-    }
-    kept = simulate(WITH_FRICTION, **objects(**arguments))
-    file = tmp_path / "run.nc"
-    simulate(WITH_FRICTION, **objects(**arguments, path=file))
-    read = read_run(file)
-    xr.testing.assert_identical(read, kept.to_dataset())
-    for name in ("tension", "tendon_displacement", "slack", "span_tension"):
-        assert read[name].attrs["units"] == ("N" if "tension" in name else "m")
-    settings = json.loads(read.attrs["settings"])
-    assert settings["displacements_m"]["values"][1] == [None, 0.002, -0.02]
-    assert settings["initial_displacements_m"] == [None, 0, 0]
-    assert float(read.slack[-1, 2]) > 0.01 and not (read.tension[:, 2] > 0).any()
-
-
-def test_without_friction_all_spans_carry_the_tension() -> None:
-    """Also under tension control alone; NaN beyond a tendon's end."""
-    fields = simulate(RAO, [1, 0, 0, 1, 0, 0], 0.02).to_dataset().isel(time=-1)
-    passes = np.arange(20)[:, None] <= RAO.tendons.end_disk
-    assert (np.isnan(fields.span_tension) == ~passes).all()
-    spread = np.where(passes, fields.tension.values, NAN)
-    np.testing.assert_array_equal(fields.span_tension, spread)
-    assert (fields.slack == 0).all() and float(fields.tendon_displacement[0]) > 0
-
-
 def test_runs_are_copied() -> None:
     load = bs.Load(displacements=ramp([0.004, -0.002, -0.002], 0.05))
     run = simulate(ELASTIC, duration=0.1, load=load)
@@ -323,19 +279,6 @@ def test_runs_are_copied() -> None:
         again.to_dataset().tendon_displacement, run.to_dataset().tendon_displacement
     )
     assert again.settings == run.settings
-
-
-def test_an_interrupted_run_keeps_its_displacements(tmp_path: Path) -> None:
-    def stop(t: float) -> list[float]:
-        if t > 0.05:
-            raise KeyboardInterrupt
-        return [0.1 * t, -0.02, -0.02]
-
-    with pytest.raises(RunInterrupted) as caught:
-        simulate(STIFF, duration=1.0, **objects(displacements=stop, path=tmp_path / "run.nc"))
-    read = read_run(tmp_path / "run.nc")
-    assert read.attrs["status"] == "interrupted" and 0.03 < caught.value.run.end <= 0.05
-    assert float(read.tendon_displacement[-1, 0]) == pytest.approx(0.1 * float(read.time[-1]))
 
 
 def test_displacement_functions_are_not_called_after_the_end() -> None:

@@ -36,6 +36,13 @@ def tendon_1(newtons: float) -> list[float]:
     return [newtons, 0.0, 0.0]
 
 
+def bare_rod(length: str, disks: int, **backbone: Any) -> bs.Robot:
+    """A rod: its disks have no mass, and its tendons no tension."""
+    own = {"disks.count": disks, "disks.mass": 0, "disks.thickness": 0, "length": length}
+    own |= {f"backbone.{name}": value for name, value in backbone.items()}
+    return ROBOT.with_({f"segments.0.{name}": value for name, value in own.items()})
+
+
 def released(
     tension: float, duration: float, *, to: float = 0.0, robot: bs.Robot = ROBOT, **given: Any
 ) -> bs.Run:
@@ -70,7 +77,7 @@ def test_default_settings_are_near_convergence() -> None:
 
 
 @pytest.mark.parametrize("case", [1, 2])
-def test_release_of_another_groups_rod(case: int, tmp_path: Path) -> None:
+def test_release_of_another_groups_rod(case: int) -> None:
     """A steel rod released from forces in its middle and at its tip, by a Cosserat solver of
     another group. Its damping ratio is strain rate to strain: material damping."""
     path = DATA / "sorosim-rods" / f"SpringSteel_dynamics_{case}.txt"
@@ -82,22 +89,12 @@ def test_release_of_another_groups_rod(case: int, tmp_path: Path) -> None:
     middle, tip = to_base @ lines[1][4:7], to_base @ lines[1][10:13]
     recorded = np.array(lines[2:])
     time, expected = recorded[:, 0], recorded[:, 10:13] @ to_base.T
-    file = tmp_path / "steel.yaml"
-    file.write_text(
-        """
-name: steel
-segments:
-  - length: 600 mm
-    backbone: {diameter: 1.6 mm, E: 200 GPa, nu: 0.33, density: 7870 kg/m^3}
-    disks: {count: 6, mass: 0 g, radius: 2 mm, thickness: 0 mm}
-    tendons: {count: 3, pitch_radius: 1.5 mm}
-"""
-    )
+    steel = bare_rod("600 mm", 6, diameter="1.6 mm", E="200 GPa", nu=0.33, density=7870)
     forces = np.zeros((6, 3))
     forces[2], forces[5] = middle, tip
     held = objects(gravity=gravity.tolist(), disk_forces=forces)
     steps = objects(material_damping=lines[0][0], dt=1e-3, every=0.005)
-    run = simulate(bs.load_robot(file), [0.0, 0.0, 0.0], float(time[-1]), **held, **steps)
+    run = simulate(steel, [0.0, 0.0, 0.0], float(time[-1]), **held, **steps)
     error = np.linalg.norm(run.tip_position - expected, axis=1)
     rms = math.sqrt((error**2).mean())
     assert len(error) == 2001
@@ -348,13 +345,18 @@ def test_a_load_that_fails_at_the_start_keeps_the_former_run(tmp_path: Path) -> 
     assert asked == [0.0, 0.0] and former.to_dataset().attrs["status"] == "converged"
 
 
-def test_an_interrupted_run_keeps_its_records(tmp_path: Path) -> None:
-    def stop(share: float) -> None:
+@pytest.mark.parametrize("within", ["progress", "tensions"])
+def test_an_interrupted_run_keeps_its_records(tmp_path: Path, within: str) -> None:
+    def stop(share: float) -> list[float]:
         if share > 0.4:
             raise KeyboardInterrupt
+        return tendon_1(5)
 
+    by_progress = within == "progress"
+    tensions: Any = tendon_1(5) if by_progress else lambda t: stop(t / 5.0)
+    output = bs.Output(path=tmp_path / "run.nc", progress=stop if by_progress else None)
     with pytest.raises(simulation.RunInterrupted) as caught:
-        simulate(ROBOT, tendon_1(5), 5.0, output=bs.Output(path=tmp_path / "run.nc", progress=stop))
+        simulate(ROBOT, tensions, 5.0, output=output)
     assert caught.value.run.status == "interrupted"
     again = pickle.loads(pickle.dumps(caught.value))
     assert isinstance(again, simulation.RunInterrupted) and again.run.end == caught.value.run.end
@@ -481,19 +483,9 @@ def test_modes_of_the_straight_robot() -> None:
     assert f == pytest.approx(refined.frequency_hz, rel=1e-4)
 
 
-def test_modes_of_a_bare_rod_match_euler_bernoulli(tmp_path: Path) -> None:
-    file = tmp_path / "bare.yaml"
-    file.write_text(
-        """
-name: bare
-segments:
-  - length: 500 mm
-    backbone: {diameter: 2 mm, E: 70 GPa, nu: 0.3, density: 2700 kg/m^3}
-    disks: {count: 10, mass: 0 g, radius: 5 mm, thickness: 0 mm}
-    tendons: {count: 3, pitch_radius: 4 mm}
-"""
-    )
-    found = modes(bs.load_robot(file), count=8, model=bs.RodModel("kirchhoff", elements=2))
+def test_modes_of_a_bare_rod_match_euler_bernoulli() -> None:
+    bare = bare_rod("500 mm", 10, diameter="2 mm", E="70 GPa", density=2700)
+    found = modes(bare, count=8, model=bs.RodModel("kirchhoff", elements=2))
     bending = found.frequency_hz[np.array(found.kind) == "bending"]
     radius = 1e-3
     speed = math.sqrt(70e9 * radius**2 / 4 / 2700)

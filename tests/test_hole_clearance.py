@@ -135,13 +135,6 @@ def test_constant_curvature_is_told_that_it_has_no_effect():
         fit(ROBOT, data, ["hole_clearance"], model="arc")
 
 
-def test_prediction_is_the_fixed_point():
-    given = displacements(20, 2)
-    data = Data(points=tips(ROBOT, given, CLEARANCE), displacements=given)
-    held = fit(ROBOT, data, ["base.x"], start={"hole_clearance": CLEARANCE}, loss="linear")
-    assert held.predict(data) == pytest.approx(np.asarray(data.points), abs=1e-6)
-
-
 def test_tensions_do_not_depend_on_it():
     tensions = np.outer(np.linspace(0, 3, 10), [1, 0, 0] * 3)
     data = Data(points=bs.sweep(ROBOT, tensions).tip_position, tensions=tensions)

@@ -51,17 +51,6 @@ def test_tips_of_forward_solves_are_reached(name, count, seed):
     assert all(found.stable[row] is True for row in np.flatnonzero(reached))
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_tips_under_gravity_and_a_tip_force_are_reached(name):
-    robot = bs.load_robot(name)
-    load = bs.Load(gravity=(0.0, -9.81, 0.0), tip_force=(0.02, 0.0, -0.03))
-    _, tips, most = forward(robot, 200, 3, load=load)
-    found = bs.inverse_kinematics(robot, tips, load=load, max_tension=most, path=False)
-    assert found.reached.mean() > 0.99
-    landed = found.land().tip_position[found.reached]
-    assert np.abs(landed - tips[found.reached]).max() < 1e-5 * robot.length
-
-
 def least_by_slsqp(robot, start, most, kind, of):
     """Least tensions (N) by scipy from a start, and whether it ended well.
 

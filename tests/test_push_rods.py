@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, fsolve
+from scipy.optimize import brentq
 
 import bowstring as bs
 from bowstring.calibration.table_fit import calibrate
@@ -20,7 +17,7 @@ from bowstring.data.measurements import read_measurements
 from bowstring.errors import InputError
 from bowstring.statics.limits import buckled_or_stretched
 from shell import Shell
-from shooting import tip_of
+from shooting import Shooting, tip_of
 from stages import Stages
 
 E, DIAMETER, LENGTH, RADIUS = 85e3, 26e-3, 0.14, 8e-3
@@ -102,51 +99,16 @@ def test_chambers_under_load_agree_with_shooting(chambers: bs.Robot) -> None:
     assert found.error_estimate.tip < 2e-4 * LENGTH
 
 
-def _disks_of_rods(tensions: Any, robot: bs.Robot, force: Any) -> NDArray[np.float64]:
-    """Disks (x, z, theta) of a planar rod with straight spans, each module by shooting."""
-    backbone, h = robot.segments[0].backbone, robot.segments[0].length / len(robot.disks.station_m)
-    bending, axial = backbone.young * backbone.second_moment, backbone.young * backbone.area
-    shear = backbone.shear_modulus * backbone.area
-    offset = robot.tendons.hole_m[:, 0]
-
-    def holes(pose: Any) -> Any:
-        x, z, theta = pose
-        return np.array([x + offset * math.cos(theta), z - offset * math.sin(theta)]).T
-
-    def residual(flat: Any) -> Any:
-        poses = np.concatenate([np.zeros((1, 3)), flat.reshape(-1, 3)])
-        out = []
-        for start, end in pairwise(poses):
-            span = holes(end) - holes(start)
-            pulls = tensions[:, None] * span / np.linalg.norm(span, axis=1, keepdims=True)
-
-            def rates(_: float, y: Any, pulls: Any = pulls, end: Any = end) -> Any:
-                x_force, z_force = np.array(force) - pulls.sum(axis=0)
-                c, s = math.cos(y[2]), math.sin(y[2])
-                away, tip = holes(end) - y[:2], poses[-1, :2] - y[:2]
-                moment = tip[1] * force[0] - tip[0] * force[1]
-                moment -= (away[:, 1] * pulls[:, 0] - away[:, 0] * pulls[:, 1]).sum()
-                v = (c * x_force - s * z_force) / shear
-                w = 1.0 + (s * x_force + c * z_force) / axial
-                return [c * v + s * w, c * w - s * v, moment / bending]
-
-            out.append(solve_ivp(rates, (0.0, h), start, rtol=1e-9, atol=1e-12).y[:, -1] - end)
-        return np.ravel(out)
-
-    straight = [[0.0, at, 0.0] for at in robot.disks.station_m]
-    return np.asarray(fsolve(residual, np.ravel(straight), xtol=1e-11)).reshape(-1, 3)
-
-
 def test_rods_under_load_agree_with_shooting(tmp_path: Path) -> None:
     robot = _robot(tmp_path, RODS, disks__count=3)
     tensions, force = np.array([0.5, 0.1, -0.7, 0.1]), (0.06, -0.1)
     load = bs.Load(tip_force=[force[0], 0.0, force[1]])
     model = bs.RodModel(elements=8)
     found = bs.solve(robot, tensions, load=load, model=model).raise_for_status()
-    disks = _disks_of_rods(tensions, robot, force)
-    assert found.disk_positions is not None
-    assert found.disk_positions[:, [0, 2]] == pytest.approx(disks[:, :2], abs=1e-8 * robot.length)
-    assert np.abs(disks[-1, 2]) > 0.5
+    at_tip = bs.PointLoad(arc_length=robot.length, force=load.tip_force)
+    disks, turns = Shooting(robot, found, [at_tip]).solve()
+    assert found.disk_positions == pytest.approx(disks, abs=1e-8 * robot.length)
+    assert abs(turns[-1, 0, 2]) > 0.5
 
 
 def test_rods_that_push_and_pull_alike_make_an_arc(rods: bs.Robot) -> None:

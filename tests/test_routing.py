@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.optimize import root
 
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.robot.model import with_tendons
 from bowstring.study.study import Study
-from fem_robots import needs_ccx
+from shooting import Shooting
 
 HELIX = {"segments.0.tendons.turns": 0.5, "segments.0.tendons.end_pitch_radius": 0.015}
 
@@ -23,76 +20,12 @@ def helical(**changes: object) -> bs.Robot:
     return bs.load_robot("amouri2019", {**HELIX, **changes})
 
 
-def shot(robot: bs.Robot, tensions: np.ndarray, theory: str) -> np.ndarray:
-    """Tip without loads, module by module from the base, by SciPy.
-
-    Cut anywhere, the wrench of the rod and the tensions of the spans balance. In each module the
-    rod's wrench at the start is found such that the rod, integrated under it, ends where the spans
-    from hole to hole have that wrench.
-    """
-    stations = np.concatenate([[0.0], robot.disks.station_m])
-    place, frame = np.zeros(3), np.eye(3)
-
-    def rate(
-        _: float,
-        state: np.ndarray,
-        force: np.ndarray,
-        stiffness: np.ndarray,
-        compliance: np.ndarray,
-    ) -> np.ndarray:
-        turned, moment = state[3:12].reshape(3, 3), state[12:]
-        x, y, z = turned.T @ moment / stiffness
-        along = turned @ (np.array([0.0, 0.0, 1.0]) + compliance * (turned.T @ force))
-        turning = turned @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        return np.concatenate([along, turning.ravel(), -np.cross(along, force)])
-
-    for k, length in enumerate(np.diff(stations)):
-        j, passing = robot.disks.segment[k], robot.tendons.end_disk >= k
-        bending, torsion = robot.bending_stiffness[j], robot.torsion_stiffness[j]
-        compliance = np.zeros(3)
-        if theory == "cosserat":
-            shear, axial = robot.shear_stiffness[j], robot.axial_stiffness[j]
-            compliance = 1.0 / np.array([shear, shear, axial])
-        section = np.array([bending, bending, torsion]), compliance
-        low, high = np.pad(
-            robot.tendons.holes_m[passing, k : k + 2], ((0, 0), (0, 0), (0, 1))
-        ).swapaxes(0, 1)
-        tension = tensions[passing]
-
-        def end(
-            wrench: np.ndarray, length: float = length, section: tuple = section
-        ) -> tuple[np.ndarray, np.ndarray]:
-            start = np.concatenate([np.zeros(3), np.eye(3).ravel(), wrench[3:]])
-            found = solve_ivp(
-                rate, (0.0, length), start, args=(wrench[:3], *section), rtol=1e-11, atol=1e-13
-            )
-            return found.y[:3, -1], found.y[3:12, -1].reshape(3, 3)
-
-        def balance(wrench: np.ndarray, low=low, high=high, tension=tension, end=end) -> np.ndarray:
-            position, turned = end(wrench)
-            spans = position + high @ turned.T - low
-            pulls = tension[:, None] * spans / np.linalg.norm(spans, axis=1)[:, None]
-            moment = np.cross(low, pulls).sum(axis=0)
-            return wrench + np.concatenate([pulls.sum(axis=0), moment])
-
-        guess = np.concatenate(
-            [[0.0, 0.0, -tension.sum()], -np.cross(low, [0.0, 0.0, 1.0]).T @ tension]
-        )
-        found = root(balance, guess, tol=1e-12)
-        assert np.abs(balance(found.x)).max() < 1e-8
-        position, turned = end(found.x)
-        place, frame = place + frame @ position, frame @ turned
-    return place
-
-
 @pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
 def test_a_helical_converging_routing_equals_an_independent_integration(theory: str) -> None:
-    robot, tensions = helical(), np.array([25.0, 4.0, 0.0])
-    model = bs.RodModel(theory, elements=8)
-    tip = bs.solve(robot, tensions, model=model).tip.position
-    gap = np.linalg.norm(tip - shot(robot, tensions, theory)) / robot.length
-    assert gap < 1e-6
-    assert abs(tip[1]) > 0.05  # it bends out of the plane of its first hole
+    found = bs.solve(helical(), [25.0, 4.0, 0.0], model=bs.RodModel(theory, elements=8))
+    exact = Shooting(found.robot, found, []).solve()[0]
+    assert np.abs(found.disk_positions - exact).max() < 1e-6 * found.robot.length
+    assert abs(found.tip.position[1]) > 0.05  # it bends out of the plane of its first hole
 
 
 def test_holes_follow_turns_and_pitch_radii() -> None:
@@ -166,29 +99,6 @@ def test_a_drawing_has_a_view_of_each_disk_that_differs() -> None:
     same = len(draw_disks(bs.load_robot("amouri2019", sizes)).axes)
     wound = len(draw_disks(helical(**sizes)).axes)
     assert wound == 9 * same
-
-
-@needs_ccx
-def test_finite_elements_of_an_oblique_converging_routing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Within 1 % of the displacement of the tip (0.5 % seen), and not of a parallel routing."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    size = {
-        "segments.0.disks.count": 5,
-        "segments.0.length": "250 mm",
-        "segments.0.disks.clamped_length": "3 mm",
-    }
-    routing = {"segments.0.tendons.turns": 0.25, "segments.0.tendons.end_pitch_radius": "18 mm"}
-    robot, plain = (bs.load_robot("amouri2019", size | more) for more in (routing, {}))
-    tensions = np.array([[20.0, 0.0, 0.0], [40.0, 5.0, 0.0]])
-    straight = np.array([0.0, 0.0, robot.length])
-    solid = bs.fem.sweep(robot, tensions).raise_for_status().tip_position - straight
-    rod = bs.sweep(robot, tensions).tip_position - straight
-    other = bs.sweep(plain, tensions).tip_position - straight
-    size_of = np.linalg.norm(rod, axis=1)
-    assert np.all(np.linalg.norm(solid - rod, axis=1) < 0.01 * size_of)
-    assert np.all(np.linalg.norm(solid - other, axis=1) > 0.2 * size_of)
 
 
 def test_elastic_tendons_that_are_not_parallel_have_their_own_length() -> None:

@@ -8,7 +8,6 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import bowstring as bs
-from bowstring.dynamics import modes
 from bowstring.errors import InputError
 from shooting import Shooting
 
@@ -141,13 +140,6 @@ def test_fields_jump_at_the_section() -> None:
     # the curvature that belongs to the moment is that of the shape
     assert np.abs(np.diff(force[: k + 1], axis=0)).max() < 1.001 * weight
     assert np.abs(np.diff(about[: k + 1], axis=0)).max() < 1.5 * weight
-
-
-def test_modes_of_a_robot_with_a_force_between_disks() -> None:
-    push = bs.PointLoad(arc_length=0.6, force=[0, 0, 2.0])
-    free = modes(ROBOT, [0, 0, 0]).frequency_hz
-    held = modes(ROBOT, [0, 0, 0], load=bs.Load(point_loads=[push])).frequency_hz
-    assert (held[:2] > 1.05 * free[:2]).all()
 
 
 def test_critical_load_of_a_column() -> None:

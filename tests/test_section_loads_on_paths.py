@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 import bowstring as bs
-from bowstring.dynamics import ramp
 
 Floats = NDArray[np.float64]
 
@@ -60,27 +59,6 @@ def _loads(disk: bool, *given: dict[str, Any]) -> list[bs.PointLoad]:
     return [bs.PointLoad(**place, **each) for each in given]
 
 
-@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
-def test_a_robot_with_a_disk_there_is_the_same(theory: str) -> None:
-    """The distance falls with the fourth power of the elements, and lies in both estimates."""
-    off = {}
-    for elements in (2, 4, 8):
-        model = bs.RodModel(theory, elements=elements)
-        a, b = (
-            bs.solve(robot, TENSIONS, load=bs.Load(gravity=UP, point_loads=points), model=model)
-            for robot, points in (
-                (ROBOT, _loads(False, DEAD, FOLLOWER)),
-                (WITH_DISK, _loads(True, DEAD, FOLLOWER)),
-            )
-        )
-        assert a.converged and b.converged and a.stable is b.stable
-        off[elements] = np.abs(a.disk_positions - b.disk_positions[BOTH]).max()
-        assert off[elements] < min(a.error_estimate.tip, b.error_estimate.tip)
-    if theory == "kirchhoff":
-        assert off[2] > 14 * off[4] > 14 * 14 * off[8]
-    assert off[8] < (5e-9 if theory == "kirchhoff" else 1e-7)
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_contact_with_a_plane(friction: float) -> None:
     """A path of tensions, as with a disk there, and a rest that is that without the plane."""
@@ -109,41 +87,6 @@ def test_contact_with_a_plane(friction: float) -> None:
         assert np.abs(off).max() < 1e-7
     pushed = paths[0][2]
     assert pushed.normal_force > 0.01
-
-
-@pytest.mark.parametrize(
-    "damping",
-    [{}, {"mass_damping": 3.0}, {"material_damping": 0.004}, {"modal_damping": 0.05}],
-    ids=["none", "mass", "material", "modal"],
-)
-def test_motions_without_and_with_damping(damping: dict[str, float]) -> None:
-    """Under loads that rise while the tensions do."""
-
-    def rising(load: dict[str, Any]) -> dict[str, Any]:
-        wrench = {name: ramp(np.array(load[name]), 0.05) for name in ("force", "moment")}
-        return load | wrench
-
-    steps = bs.Integrator(dt=2e-3, spectral_radius=1.0, **damping)
-    runs = [
-        bs.simulate(
-            robot,
-            ramp(TENSIONS, 0.05),
-            0.3,
-            load=bs.Load(gravity=UP, point_loads=_loads(disk, rising(DEAD), rising(FOLLOWER))),
-            model=bs.RodModel(elements=4),
-            integrator=steps,
-        ).raise_for_status()
-        for robot, disk in ((ROBOT, False), (WITH_DISK, True))
-    ]
-    first, second = (run.to_dataset() for run in runs)
-    off = first["disk_position"].to_numpy() - second["disk_position"].to_numpy()[:, BOTH]
-    assert np.abs(off).max() < 1e-6
-    scale = float(np.abs(first["work"]).max())
-    for name in ("kinetic_energy", "elastic_energy", "gravity_energy", "work", "dissipated_energy"):
-        assert np.abs(first[name] - second[name]).max() < 1e-4 * scale, name
-    assert np.abs(first["energy_balance"]).max() < 1e-3 * scale
-    lost = float(first["dissipated_energy"][-1])
-    assert lost > 0.01 * scale if damping else abs(lost) < 1e-3 * scale
 
 
 def _none(load: dict[str, Any]) -> dict[str, Any]:
@@ -189,35 +132,6 @@ def test_a_released_robot_swings_with_the_energy_of_its_start(points: list[dict[
     rest = bs.solve(HEAVY, TENSIONS, load=bs.Load(gravity=UP), model=model).raise_for_status()
     end = moving(3.0, mass_damping=20.0).tip_position[-1]
     assert np.linalg.norm(end - rest.tip.position) < 1e-6
-
-
-@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
-def test_the_work_of_a_force_is_that_along_the_way_of_its_section() -> None:
-    """The start is held at another section of the same backbone."""
-    at, force = 0.27, [0.1, -0.2, 0.1]
-    other: dict[str, Any] = {"arc_length": at}
-    held = bs.Load([0.0] * 3, point_loads=[*_loads(False, DEAD, FOLLOWER), bs.PointLoad(**other)])
-    moved = [*_loads(False, _none(DEAD), _none(FOLLOWER)), bs.PointLoad(**other, force=force)]
-    run = bs.simulate(
-        HEAVY,
-        [0.0] * 3,
-        0.2,
-        load=bs.Load(gravity=[0, 0, 0], point_loads=moved),
-        start=bs.Start(held),
-        model=bs.RodModel(elements=4),
-        integrator=bs.Integrator(dt=1e-3, spectral_radius=1.0),
-        output=bs.Output(points=21),
-    ).raise_for_status()
-    data = run.to_dataset()
-    # the station there: 70 mm of the 200 mm of the last module
-    (station,) = np.flatnonzero(np.abs(data["arc_length"].to_numpy() - at) < 1e-9)
-    place = data["position"].to_numpy()[:, station]
-    work = (place - place[0]) @ np.array(force)
-    scale = float(data["kinetic_energy"].max())
-    assert np.ptp(work) > 0.1 * scale
-    assert np.abs(data["work"] - data["work"][0] - work).max() < 2e-3 * scale
-    total = data["kinetic_energy"] + data["elastic_energy"]
-    assert np.abs(total - total[0] - work).max() < 2e-3 * scale
 
 
 def test_modes_under_a_force_between_disks() -> None:

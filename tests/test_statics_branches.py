@@ -170,7 +170,7 @@ def test_branches_equal_those_of_an_independent_continuation(seed: int) -> None:
 @pytest.mark.slow
 def test_most_branches_of_many_robots_are_found() -> None:
     """The search is not complete: connected branches are all found, of the others most."""
-    assert sum(missing_planar(seed) == 0 for seed in range(50)) >= 38
+    assert sum(missing_planar(seed) == 0 for seed in range(20)) >= 18
 
 
 def test_every_point_is_an_equilibrium() -> None:

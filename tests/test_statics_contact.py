@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipk
 
 import bowstring as bs
 from bowstring.errors import InputError, NoSolutionError
 from shell import Shell
+from shooting import Shooting
 
 ROBOT = bs.load_robot("amouri2019")
 ROD = ROBOT.with_({"segments.0.disks.mass": "0 g"})
@@ -91,34 +90,6 @@ def test_a_rod_that_buckles_under_a_plane() -> None:
     assert np.linalg.norm(pose(contact)[:2]) == pytest.approx(across, rel=1e-6)
 
 
-def shot(weight: Sequence[float], plane: bs.Plane, guess: Sequence[float]) -> tuple[float, Floats]:
-    """Normal force and tip (x, z) of a planar Kirchhoff rod on a plane, by shooting.
-
-    The weight (x, z) is per length. Unknowns are the moment at the base and the normal force.
-    """
-    normal = np.array(plane.normal)[[0, 2]]
-
-    def integrate(unknown: Floats) -> Floats:
-        def rates(s: float, state: Floats) -> list[float]:
-            _, _, angle, moment = state
-            fx, fz = unknown[1] * FORCE * normal + np.array(weight) * (LENGTH - s)
-            bend = -fx * np.cos(angle) + fz * np.sin(angle)
-            return [np.sin(angle), np.cos(angle), moment / BENDING, bend]
-
-        start = [0.0, 0.0, 0.0, unknown[0] * FORCE * LENGTH]
-        return solve_ivp(rates, (0, LENGTH), start, rtol=1e-11, atol=1e-13).y[:, -1]
-
-    def misses(unknown: Floats) -> list[float]:
-        x, z, _, moment = integrate(unknown)
-        gap = float(plane.gap([x, 0.0, z]))
-        return [moment / (FORCE * LENGTH), gap / LENGTH]
-
-    found, _, flag, message = fsolve(misses, guess, xtol=1e-12, full_output=True)
-    assert flag == 1, message
-    end: Floats = integrate(found)
-    return float(found[1]) * FORCE, end[:2]
-
-
 @pytest.mark.parametrize(
     ("pull", "point", "normal"),
     [
@@ -135,15 +106,14 @@ def test_large_deflection_against_shooting(
     load = bs.Load(FREE, gravity=gravity)
     contact = bs.solve_contact(ROD, load=load, model=FINE, plane=plane)
     is_contact(contact)
-    tip = pose(contact)
     solution = contact.solution
     tilt = np.arctan2(solution.disk_rotations[:, 0, 2], solution.disk_rotations[:, 2, 2])
     assert np.abs(tilt).max() > 0.3  # far from small
-    module = LENGTH / 9
-    guess = [1.1 * tilt[0] / module * LENGTH, contact.normal_force / FORCE * 0.95]
-    force, end = shot(WEIGHT * np.array(pull), plane, guess)
-    assert contact.normal_force == pytest.approx(force, rel=1e-8)
-    np.testing.assert_allclose(tip[[0, 2]], end, atol=1e-8 * LENGTH)
+    at_tip = bs.PointLoad(arc_length=LENGTH, force=contact.force)
+    force = contact.force + WEIGHT * LENGTH * np.array(gravity)
+    near = [*force, 0.0, BENDING * tilt[0] * 9 / LENGTH, 0.0]
+    exact = Shooting(ROD, solution, [at_tip]).solve(near)[0]
+    np.testing.assert_allclose(solution.disk_positions, exact, atol=1e-8 * LENGTH)
 
 
 def test_objectivity() -> None:

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, fsolve
+from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 import bowstring as bs
@@ -24,6 +23,7 @@ from bowstring.dynamics.simulation import simulate
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.statics.messages import of_solution
 from objects import objects
+from shooting import Shooting
 
 ROBOT = bs.load_robot("amouri2019")
 # Tension of tendon 1 in N, tip x and z in mm: Kirchhoff, then Cosserat; by shooting.
@@ -172,68 +172,23 @@ def test_clamped_length(robot):
     assert distance(1e3 * found.tip_position[:, [0, 2]], CLAMPED[:, 1:]).max() < 0.03
 
 
-def shoot(robot, tension, g):
-    """Tip (x, z) of a planar Kirchhoff robot with tension on tendon 1, under gravity g down.
-
-    Written from the balance of forces and moments alone. The unknowns are the moment at the base
-    and the direction of every span; the rod is integrated as an initial value problem.
-
-    """
-    n, length = len(robot.disks.station_m), robot.length
-    h, r = length / n, robot.tendons.pitch_radius_m[0]
-    stiffness, line = robot.bending_stiffness[0], robot.mass_per_length[0]
-    mass = robot.disks.mass_kg[0]
-
-    def run(unknown):
-        moment, alpha = unknown[0], unknown[1:]
-        x = z = theta = 0.0
-        missed = []
-        for k in range(n):
-            span = tension * np.array([math.sin(alpha[k]), math.cos(alpha[k])])
-            weight_beyond = -(mass * (n - k) + line * (length - k * h)) * g
-
-            def slope(s, state, span=span, weight_beyond=weight_beyond):
-                _, _, theta, moment = state
-                force_x, force_z = -span[0], -span[1] + weight_beyond + line * g * s
-                tx, tz = math.sin(theta), math.cos(theta)
-                return [tx, tz, moment / stiffness, -(tz * force_x - tx * force_z)]
-
-            start = (x + r * math.cos(theta), z - r * math.sin(theta))
-            end = solve_ivp(
-                slope, (0, h), [x, z, theta, moment], method="DOP853", rtol=1e-12, atol=1e-14
-            )
-            x, z, theta, moment = end.y[:, -1]
-            hole = (x + r * math.cos(theta), z - r * math.sin(theta))
-            missed.append(math.atan2(hole[0] - start[0], hole[1] - start[1]) - alpha[k])
-            pull = -span
-            if k < n - 1:
-                pull = pull + tension * np.array([math.sin(alpha[k + 1]), math.cos(alpha[k + 1])])
-            moment -= (hole[1] - z) * pull[0] - (hole[0] - x) * pull[1]
-        return [*missed, moment], (x, z)
-
-    guess = [tension * r, *np.linspace(0, 0.02 * tension, n)]
-    root = fsolve(lambda u: run(u)[0], guess, xtol=1e-13)
-    assert np.abs(run(root)[0]).max() < 1e-9
-    return np.array(run(root)[1])
-
-
 @pytest.mark.parametrize(
-    ("tension", "g", "density", "tolerance_mm"),
+    ("tension", "g", "density"),
     [
-        (60.0, 0.0, 1800.0, 1e-6),
-        (40.0, 9.81, 0.0, 1e-6),  # disks have weight, the backbone has none
-        (40.0, 9.81, 1800.0, 1e-6),
-        (20.0, -9.81, 1800.0, 1e-6),
+        (60.0, 0.0, 1800.0),
+        (40.0, 9.81, 0.0),  # disks have weight, the backbone has none
+        (40.0, 9.81, 1800.0),
+        (20.0, -9.81, 1800.0),
     ],
 )
-def test_against_shooting(robot, tension, g, density, tolerance_mm):
+def test_against_shooting(robot, tension, g, density):
     robot = robot.with_({"segments.0.backbone.density": density})
-    expected = 1e3 * shoot(robot, tension, g)
     load, model = bs.Load([tension, 0, 0], gravity=(0, 0, -g)), bs.RodModel("kirchhoff")
-    fine = tip_mm(bs.solve(robot, load=load, model=model.replace(elements=8)))
-    assert distance(fine[[0, 2]], expected) < tolerance_mm
-    plain = tip_mm(bs.solve(robot, load=load, model=model))
-    assert distance(plain[[0, 2]], expected) < 0.006
+    fine = bs.solve(robot, load=load, model=model.replace(elements=8))
+    exact = Shooting(robot, fine, []).solve()[0]
+    assert distance(1e3 * fine.disk_positions, 1e3 * exact).max() < 1e-6
+    plain = bs.solve(robot, load=load, model=model)
+    assert distance(tip_mm(plain), tip_mm(fine)) < 0.006
 
 
 def test_elastica(robot, bare):
@@ -293,29 +248,6 @@ def test_buckling_finds_the_bent_branch(robot, bare, ratio):
 
 
 # --- conservation laws --------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
-@pytest.mark.parametrize("tendon", ["straight", "continuous"])
-def test_maxwell_reciprocity(rao, theory, tendon):
-    """The compliance of (lengths, -tip) by (tensions, force) is symmetric: there is a potential."""
-    load = np.array([2.0, 0.5, 0.3, 1.0, 0.2, 0.7, 0.02, -0.03, 0.01])
-    h = np.array([1e-3] * 6 + [1e-5] * 3)
-
-    def answer(load):
-        model = bs.RodModel(theory, tendon_path=tendon)
-        s = bs.solve(rao, load[:6], load=bs.Load(tip_force=load[6:]), model=model)
-        s.raise_for_status()
-        return np.concatenate([s.tendon_lengths, -s.tip.position])
-
-    step = np.diag(h)
-    compliance = np.stack(
-        [(answer(load + step[i]) - answer(load - step[i])) / (2 * h[i]) for i in range(9)]
-    )
-    scale = np.sqrt(np.abs(np.diag(compliance)))
-    normed = compliance / np.outer(scale, scale)
-    assert np.abs(normed - normed.T).max() < 1e-6
-    assert np.linalg.eigvalsh(-(normed + normed.T)).min() > -1e-6  # positive compliance
 
 
 def test_jacobians_need_a_solution_and_straight_spans(robot):

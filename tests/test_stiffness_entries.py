@@ -14,7 +14,6 @@ from bowstring.dynamics.run_file import read_run
 from bowstring.errors import InputError
 from bowstring.robot.designs import Designs
 from bowstring.robot.paths import find, full_paths
-from bowstring.robot.sizes import sizes_of
 from bowstring.robot.writer import to_yaml
 from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.uncertainty import read_distributions
@@ -176,15 +175,6 @@ def test_a_fit_finds_a_coupling_and_a_stiffness() -> None:
 
 
 # -- what is refused, and what is written ------------------------------------------------------
-
-
-def test_solids_name_what_they_need(shell: Shell, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="a drawing or solid needs shape and material"):
-        sizes_of(ROBOT)
-    (tmp_path / "coupled.yaml").write_text(to_yaml(ROBOT))
-    drawing = ("--drawing", str(tmp_path / "disks.svg"))
-    says = shell.error("export", str(tmp_path / "coupled.yaml"), *drawing)
-    assert "needs shape and material" in says and "nan" not in says.lower()
 
 
 def test_a_motion_has_files_but_no_surface_with_stress(shell: Shell, tmp_path: Path) -> None:

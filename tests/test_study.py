@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -119,26 +120,8 @@ def test_the_load_range_follows_the_linear_law(stiffness: str, tension: float) -
     assert Stages(robot, points=2).settings.max_tension == tension
 
 
-def silicone(gravity: str) -> Robot:
-    """Silicone, E = 1 MPa, with disks of 30 g: gravity determines how far a load bends it."""
-    return load_robot("amouri2019").with_(
-        {
-            "gravity": gravity,
-            "segments.0.length": "400 mm",
-            "segments.0.backbone": {
-                "diameter": "20 mm",
-                "E": "1 MPa",
-                "nu": 0.49,
-                "density": "1100 kg/m^3",
-            },
-            "segments.0.disks.mass": "30 g",
-            "segments.0.tendons.pitch_radius": "25 mm",
-        }
-    )
-
-
 def test_the_load_range_in_gravity_matches_statics() -> None:
-    hanging = silicone("0 0 9.81 m/s^2")
+    hanging = load_robot(Path(__file__).parent / "silicone.yaml")
     got = Stages(hanging, points=2)
     load = got.settings.max_tension
     assert load == 3.0  # the linear law alone would end at 1 N, where the robot bends by 20 degrees

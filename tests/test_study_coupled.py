@@ -352,6 +352,7 @@ def test_what_needs_a_surface_is_refused(shell: Shell, tmp_path: Path) -> None:
         ("study", file, "--fe"),
         ("study", file, "--solid"),
         ("export", file, "--out", str(tmp_path / "a.step")),
+        ("export", file, "--drawing", str(tmp_path / "disks.svg")),
     ):
         says = shell.error(*command)
         assert needs in says and says.count("\n") <= 1, command
