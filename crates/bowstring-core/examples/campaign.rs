@@ -301,6 +301,9 @@ fn varied(mut case: Case, draw: &mut Draw) -> Case {
     if draw.often(0.3) {
         case = case.loaded(draw);
     }
+    if draw.often(0.2) {
+        case = case.pushed(draw);
+    }
     case
 }
 

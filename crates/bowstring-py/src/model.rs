@@ -5,6 +5,7 @@ use bowstring_core::memory;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::model::load::{OwnedLoad, PointLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Payload, Profile, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::robot_arcs::Law;
 use bowstring_core::statics::loads::Loads;
 use bowstring_core::statics::path::Line;
 use numpy::{
@@ -13,6 +14,18 @@ use numpy::{
 };
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
+
+/// A law of constant curvature by its name.
+pub(crate) fn law_of(name: &str) -> PyResult<Law> {
+    match name {
+        "lengths" => Ok(Law::Lengths),
+        "held" => Ok(Law::HeldLengths),
+        "chords" => Ok(Law::Chords),
+        "linear" => Ok(Law::Linear),
+        "arm" => Ok(Law::LeverArm),
+        _ => Err(refused(format!("law is {name}, it must be a law of arcs"))),
+    }
+}
 
 /// How the rod is modelled; frozen, checked on construction.
 ///

@@ -2,23 +2,12 @@
 
 use crate::arc::{arc, each, raise, row};
 use crate::input::{array, refused, Array, Rows};
+use crate::model::law_of;
 use crate::rod::Robot;
 use bowstring_core::arc::{Arc, Error};
 use bowstring_core::robot_arcs::{self, Law, SegmentArc};
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
-
-/// A law of constant curvature by its name.
-pub(crate) fn law_of(name: &str) -> PyResult<Law> {
-    match name {
-        "lengths" => Ok(Law::Lengths),
-        "held" => Ok(Law::HeldLengths),
-        "chords" => Ok(Law::Chords),
-        "linear" => Ok(Law::Linear),
-        "arm" => Ok(Law::LeverArm),
-        _ => Err(refused(format!("law is {name}, it must be a law of arcs"))),
-    }
-}
 
 /// Arcs of a robot under one law. Arcs are (n, S, 3); bends of the modules are (n, N), without
 /// columns under a law of one arc a segment.

@@ -2,9 +2,8 @@
 
 use crate::input::{array, copied, input_error, numbers, refused, Array};
 use crate::interrupt::interruptible;
-use crate::model::{numbers_of_points, POINT_LOAD};
+use crate::model::{law_of, numbers_of_points, POINT_LOAD};
 use crate::model::{DeadLoad, DesignArrays, OwnLoads, RobotArrays, RodModel};
-use crate::robot_arcs::law_of;
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
 use bowstring_core::model::load::RodModel as Settings;

@@ -236,6 +236,17 @@ impl Case {
         self
     }
 
+    /// The same robot with rods in place of some tendons, which push in half of the loads.
+    pub fn pushed(mut self, draw: &mut Draw) -> Self {
+        for (tendon, tension) in self.spec.tendons.iter_mut().zip(&mut self.load.tensions) {
+            tendon.pushes = draw.often(0.5);
+            if tendon.pushes && draw.often(0.5) {
+                *tension = -*tension;
+            }
+        }
+        self
+    }
+
     /// The same robot with payloads on some of its disks, and with thick holes.
     pub fn laden(mut self, draw: &mut Draw) -> Self {
         let n = self.spec.disks.len();
