@@ -132,6 +132,39 @@ def test_stress_is_that_of_the_local_diameter() -> None:
     np.testing.assert_allclose(curvature, moment / (35e9 * math.pi / 64.0 * diameter**4), rtol=1e-9)
 
 
+def test_clamps_of_a_tapered_backbone_have_their_own_weight() -> None:
+    """A cantilever in little gravity, by the linear theory of beams."""
+    length, clamped, g = 0.3, 0.012, 1e-3
+    robot = bs.load_robot(
+        "amouri2019",
+        {
+            "gravity": [g, 0.0, 0.0],
+            "segments.0.length": length,
+            "segments.0.backbone.diameter": 24e-3,
+            "segments.0.backbone.end_diameter": 8e-3,
+            "segments.0.backbone.E": 3e6,
+            "segments.0.disks": {
+                "count": 5,
+                "mass": "0 g",
+                "radius": "35 mm",
+                "thickness": "30 mm",
+                "clamped_length": clamped,
+            },
+        },
+    )
+    s, step = np.linspace(0.0, length, 40001, retstep=True)
+    diameter = 24e-3 - 16e-3 * s / length
+    weight = 1800.0 * g * math.pi / 4.0 * diameter**2
+    beyond = np.flip(np.cumsum(np.flip(weight))) * step
+    moment = np.flip(np.cumsum(np.flip(beyond))) * step
+    away = np.abs(s[:, None] - robot.disks.station_m).min(axis=1)
+    curvature = np.where(away > clamped / 2.0, moment, 0.0) / (3e6 * math.pi / 64.0 * diameter**4)
+    sag = float((curvature * (length - s)).sum() * step)
+    for elements in (4, None):
+        found = bs.solve(robot, [0, 0, 0], model=bs.RodModel("kirchhoff", elements=elements))
+        assert found.tip.position[0] == pytest.approx(sag, rel=4e-3)
+
+
 def test_a_taper_to_the_same_size_is_none() -> None:
     plain = robot_with(WEIGHT)
     same = robot_with(WEIGHT, {"segments.0.backbone.end_diameter": "5 mm"})

@@ -30,7 +30,8 @@ from bowstring.study.correction_polynomial import TipPolynomial
 from bowstring.study.counterparts import counterparts
 from bowstring.study.data_validation import judge_data
 from bowstring.study.figure_list import FIGURES
-from bowstring.study.run import run_study
+from bowstring.study.run import run_study, settings_of
+from bowstring.study.settings import Ramp
 from bowstring.study.study import SCHEMA_VERSION, Study
 from bowstring.study.summary import summarise
 from bowstring.study.terminal import print_study
@@ -641,6 +642,25 @@ def test_a_limit_of_0_in_most_samples_has_no_factor(paper: Study) -> None:
     how = dict(summarise(replace(paper, spreads=(spread,))).findings)["How sure"]
     share = f"{100.0 * spread.share_exceeded:.0f} %"
     assert how.endswith(f"from force the limit is 0 N in {share} of the samples")
+
+
+def test_a_tendon_that_leaves_the_tolerance_earlier_from_lengths_is_named() -> None:
+    """In gravity along x both fail from force already at 0 N; tendon 2 errs more."""
+    changes = {
+        "gravity": "9.8 0 0 m/s^2",
+        "segments.0.length": "90 mm",
+        "segments.0.backbone.diameter": "1.5 mm",
+        "segments.0.backbone.E": "20 GPa",
+        "segments.0.disks": {"count": 6, "mass": "1 g", "radius": "9 mm", "thickness": "2 mm"},
+        "segments.0.disks.clamped_length": "2 mm",
+        "segments.0.tendons": {"count": 2, "pitch_radius": "7 mm"},
+    }
+    robot = load_robot("amouri2019", changes)
+    found = settings_of(robot, 0.01, "cosserat", Loading(max_tension=20.0), Ramp())
+    assert found.tried == 2 and found.shares == (0.0, 1.0)
+    (sentence,) = found.earlier
+    assert "from lengths, the error leaves the tolerance earlier with tendon 1, at" in sentence
+    assert sentence.endswith("N of its range to 20 N; --tendon 1 judges it")
 
 
 def test_a_correction_that_reaches_farther_than_the_polynomial_is_named(paper: Study) -> None:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from bowstring.errors import BowstringError
+from bowstring.formatting import significant
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.study.comparison import MEANINGS, Model, Theory
-from bowstring.validity.loading import largest_load, whole_share
+from bowstring.validity.errors import LABELS
+from bowstring.validity.loading import actuated, largest_load, whole_share
 
 __all__ = ["combinations", "worst_combination"]
 
@@ -68,13 +71,26 @@ def _thinned(found: list[tuple[int, ...]], most: int) -> list[tuple[int, ...]]:
     return [found[i * len(found) // most] for i in range(most)]
 
 
+@dataclass(frozen=True)
+class _Severity:
+    """How far the errors of a combination exceed the tolerance, by meaning."""
+
+    shares: Shares
+    top: float
+    """End of the range of tension, N."""
+    beyond: dict[str, float]
+    """Share of the range beyond the first crossing of the tolerance; 0 without one."""
+    largest: float
+    """Largest error, m."""
+
+
 def worst_combination(
     robot: Robot,
     tried: Sequence[Shares],
     theory: Theory,
     tolerance: float,
     max_tension: float | None,
-) -> Shares:
+) -> tuple[Shares, tuple[str, ...]]:
     """Find the combination in which constant curvature leaves the tolerance earliest.
 
     Parameters
@@ -90,32 +106,54 @@ def worst_combination(
 
     Returns
     -------
-    tuple of float (T,)
+    shares : tuple of float (T,)
         The combination that leaves the tolerance at the smallest share of its range of tension,
         from lengths or from force; if none does, that of the largest error.
+    earlier : tuple of str
+        Sentences on other combinations that leave the tolerance clearly earlier from one of both.
     """
-    worst, shares = (0.0, 0.0), tried[0]
-    for each in tried:
+    found = []
+    for shares in tried:
         try:
-            found = _severity(robot, each, theory, tolerance * robot.length, max_tension)
+            found.append(_severity(robot, shares, theory, tolerance * robot.length, max_tension))
         except BowstringError:  # no range of tension
             continue
-        sooner, larger = (a > b * (1.0 + _ALIKE) for a, b in zip(found, worst, strict=True))
-        if sooner or (larger and found[0] >= worst[0] * (1.0 - _ALIKE)):
-            worst, shares = found, each
-    return shares
+    if not found:
+        return tried[0], ()
+    worst = found[0]
+    for each in found:
+        beyond, most = (max(s.beyond.values()) for s in (each, worst))
+        larger = each.largest > worst.largest * (1.0 + _ALIKE)
+        if beyond > most * (1.0 + _ALIKE) or (larger and beyond >= most * (1.0 - _ALIKE)):
+            worst = each
+    earlier = []
+    for name in MEANINGS:
+        other = max(found, key=lambda each: each.beyond[name])
+        if other.beyond[name] > worst.beyond[name] + 1.0 / (_POINTS - 1):
+            limit = significant((1.0 - other.beyond[name]) * other.top, 2)
+            ends = f"at about {limit} N of its range to {other.top:g} N"
+            earlier.append(
+                f"{LABELS[name]}, the error leaves the tolerance earlier with "
+                f"{actuated(other.shares)}, {ends}; --tendon {_flag(other.shares)} judges it"
+            )
+    return worst.shares, tuple(earlier)
+
+
+def _flag(shares: Shares) -> str:
+    """Combination as the flag has it."""
+    each = ((i, share) for i, share in enumerate(shares, 1) if share)
+    return ",".join(f"{i}" if share == 1.0 else f"{i}:{share:g}" for i, share in each)
 
 
 def _severity(
     robot: Robot, shares: Shares, theory: Theory, limit: float, top: float | None
-) -> tuple[float, float]:
-    """Share of the range of tension beyond the tolerance's first crossing, and largest error, m."""
+) -> _Severity:
     if top is None:
         top = largest_load(robot, np.array(shares), RodModel(theory))
     model = Model(robot, int(np.argmax(np.abs(shares))), theory, shares)
     tension = np.linspace(0.0, top, _POINTS)
     case = model.case(model.main, tension)
-    beyond, largest = 0.0, 0.0
+    beyond, largest = dict.fromkeys(MEANINGS, 0.0), 0.0
     for name in MEANINGS:
         error = case.error(name)
         known = np.flatnonzero(np.isfinite(error))
@@ -127,5 +165,5 @@ def _severity(
             i = int(above[0])
             low = error[i - 1] if i and np.isfinite(error[i - 1]) else limit
             part = (limit - low) / (error[i] - low) if error[i] > low else 0.0
-            beyond = max(beyond, 1.0 - max(i - 1 + part, 0.0) / (_POINTS - 1))
-    return beyond, largest
+            beyond[name] = 1.0 - max(i - 1 + part, 0.0) / (_POINTS - 1)
+    return _Severity(shares, top, beyond, largest)

@@ -104,6 +104,7 @@ def notes_of(
             else "no gravity (the robot file has none)."
         ),
     ]
+    out += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in settings.earlier]
     if settings.range_chosen:
         out.append(
             f"The load range to {settings.max_tension:g} N was chosen by the program: the largest "

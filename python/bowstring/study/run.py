@@ -312,8 +312,9 @@ def settings_of(
     choice("theory", theory, ("cosserat", "kirchhoff"))
     tried = combinations(robot) if loading.tendon is None else []
     shares = loading.shares(robot)
+    earlier: tuple[str, ...] = ()
     if len(tried) > 1:
-        shares = worst_combination(robot, tried, theory, tolerance, loading.max_tension)
+        shares, earlier = worst_combination(robot, tried, theory, tolerance, loading.max_tension)
     leading = int(np.argmax(np.abs(shares)))
     limit = loading.max_tension
     if limit is None:
@@ -326,6 +327,7 @@ def settings_of(
         tendon=leading,
         shares=shares,
         tried=len(tried),
+        earlier=earlier,
         range_chosen=loading.max_tension is None,
         rise=ramp.rise,
         modal_damping=ramp.modal_damping,

@@ -101,6 +101,9 @@ class Settings:
     """Share of the sweep's tension in each tendon, from 0 to 1."""
     tried: int
     """Number of combinations of tendons of which `shares` is the worst; 0 if they were given."""
+    earlier: tuple[str, ...]
+    """Sentences on other combinations that leave the tolerance earlier from lengths or from force,
+    without a capital and a full stop."""
     range_chosen: bool
     """Whether the program chose `max_tension`."""
     rise: float | None

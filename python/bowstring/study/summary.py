@@ -106,6 +106,8 @@ def _over(study: Study, n: int, before: str = "") -> str:
 def _findings(study: Study) -> Iterator[tuple[str, str]]:
     if study.without_equilibrium:
         yield "Left out", study.without_equilibrium.rstrip(".")
+    for sentence in study.settings.earlier:
+        yield "Other tendons", sentence
     yield from _correction(study)
     if study.spreads:
         how = "assumed; " if study.uncertainty_assumed else ""

@@ -430,7 +430,8 @@ impl Robot {
             Self::check_payload(i, payload, spec.disks.len())?;
         }
         InputError::check_finite(Argument::Gravity, None, &spec.gravity)?;
-        let robot = Robot { spec, modules };
+        let mut robot = Robot { spec, modules };
+        robot.weigh_clamps();
         if !robot.moment_scale().is_normal() {
             return Err(InputError::other(
                 "bending stiffness over length exceeds the range of floating-point numbers",
@@ -573,6 +574,27 @@ impl Robot {
                 station = disk.station;
             }
             (first, start) = (next, station);
+        }
+    }
+    /// Adds to each disk what the clamped backbone beside it weighs more than by the mean mass per
+    /// length of its modules, which all else takes for the clamps too.
+    fn weigh_clamps(&mut self) {
+        for k in 0..self.modules.len() {
+            let Module {
+                part: [from, to],
+                flexible,
+                clamp,
+                ..
+            } = self.modules[k];
+            let mean = self.mass_per_length(k);
+            let per_length = (to - from) / flexible;
+            let [before, after] = clamp.map(|length| length * per_length);
+            let excess = [(from - before, from), (to, to + after)]
+                .map(|(a, b)| self.profile(k).mean(a, b, |s| s.mass_per_length) - mean);
+            if k > 0 {
+                self.spec.disks[k - 1].mass += excess[0] * clamp[0];
+            }
+            self.spec.disks[k].mass += excess[1] * clamp[1];
         }
     }
     fn check_section(segment: usize, s: &Section) -> Result<(), InputError> {
