@@ -135,3 +135,12 @@ def coupled_robot(
     }
     given = {"name": "coupled", "segments": [segment] * segments, **fields}
     return bs.Robot.model_validate(given)
+
+
+def followed(commands: Any, half: float, start: Any) -> Any:
+    """Play operator of each column, after a start (T,)."""
+    out, state = [], start
+    for row in commands:
+        state = np.clip(state, row - half, row + half)
+        out.append(state)
+    return np.array(out)

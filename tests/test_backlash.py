@@ -10,6 +10,7 @@ from bowstring.calibration import Data, fit
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import Commands, TipModel
 from bowstring.robot.model import with_tendons
+from objects import followed
 from stages import law_rows
 
 HALF = 0.4e-3
@@ -19,15 +20,6 @@ LOOSE = bs.load_robot("amouri2019", {FIELD: HALF})
 #: To a turning point, back by less than the free travel, and beyond.
 BEND = np.array([4.0, 10.0, 9.5, 9.2, 3.0, 3.5, -6.0, 0.0]) * 1e-3
 COMMANDS = np.stack([BEND, -0.5 * BEND - 1e-3, -0.5 * BEND - 1e-3], axis=1)
-
-
-def followed(commands, half, start):
-    """Play operator of each column, after a start (T,)."""
-    out, state = [], np.asarray(start, dtype=float)
-    for row in commands:
-        state = np.clip(state, row - half, row + half)
-        out.append(state)
-    return np.array(out)
 
 
 def test_tendons_move_by_the_play_operator_of_the_commands():

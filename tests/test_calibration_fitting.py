@@ -123,6 +123,7 @@ def test_recovers_three_segments_displaced_synthetic():
     found = fit(robot, data, names, start={"tool.z": 0.005})
     assert found.converged, found.message
     assert found.score.rmse == pytest.approx(1e-4 * np.sqrt(3), rel=0.1)
+    assert found.evaluations < 30  # with the exact derivatives
     held = {"offset.tendons": "offset.tendons.4", "gain.segments.0": "gain.segments.0"}
     for name, value in truth.items():
         estimate = found[held.get(name, name)]

@@ -12,6 +12,7 @@ from bowstring.calibration import Data, fit
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import Commands, TipModel
 from bowstring.errors import InputError
+from objects import followed
 
 ROBOT = bs.load_robot("amouri2019")
 TENDONS = np.arange(3)
@@ -90,11 +91,7 @@ def test_backlash_begins_within_its_play():
     rows = course(12)
     start = {"backlash": 5e-4, **INITIAL}
     found = predicted(ROBOT, rows, start=start)
-    followed, state = [], rows[0] + BEFORE
-    for row in rows:
-        state = np.clip(state, row - 5e-4, row + 5e-4)
-        followed.append(state)
-    load = bs.Load(displacements=np.array(followed))
+    load = bs.Load(displacements=followed(rows, 5e-4, rows[0] + BEFORE))
     at = bs.solve_batch(ROBOT, load=load, model=bs.RodModel(elements=1)).tip_position
     assert found == pytest.approx(at, abs=1e-9)
 
@@ -116,12 +113,9 @@ def test_each_recording_has_its_own_state(law, held):
 @pytest.fixture(scope="module")
 def begun():
     """Synthetic table that begins in the middle of a path of a drive with backlash."""
-    rows, half = course(80), 4e-4
-    state, followed = rows[0], []
-    for row in rows:
-        state = np.clip(state, row - half, row + half)
-        followed.append(state)
-    tips = bs.solve_batch(ROBOT, load=bs.Load(displacements=np.array(followed))).tip_position
+    rows = course(80)
+    load = bs.Load(displacements=followed(rows, 4e-4, rows[0]))
+    tips = bs.solve_batch(ROBOT, load=load).tip_position
     noise = np.random.default_rng(3).normal(0.0, 5e-5, tips.shape)
     cut = slice(20, None)
     return Data(points=(tips + noise)[cut], displacements=rows[cut], time=np.arange(60.0))

@@ -505,6 +505,3 @@ def test_an_offset_and_the_base_are_not_separated_by_one_pose() -> None:
     found = fit(one_segment(), data, ["base.x", "tool.x", "marker.0.x", "marker.1.x"])
     assert found.not_identifiable
     assert "The data cannot separate" in found.message
-
-
-# -- data of others --------------------------------------------------------------------------------

@@ -333,7 +333,6 @@ def test_linear_law_is_the_continuous_tendon():
     )
 
 
-# tip of the study's robot by an independent Kirchhoff solver with straight spans, mm
 # -- tip to arc ----------------------------------------------------------------------------------
 
 

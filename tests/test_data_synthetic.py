@@ -18,6 +18,7 @@ from benchmarks import coverage
 from numpy.typing import NDArray
 
 import bowstring as bs
+from bowstring.calibration import Fit, fit
 from bowstring.data import synthetic
 from bowstring.data.measurements import STANDARD_GRAVITY, read_measurements
 from bowstring.data.registration import fit_model
@@ -315,6 +316,44 @@ def test_a_disturbance_stays_after_registration(
         assert chi > 2.0
     else:
         assert chi == pytest.approx(1.0, abs=4 * math.sqrt(2 / 294))
+
+
+def calibrated(robot: bs.Robot, rows: Array | None = None, **disturbance: Any) -> Fit:
+    """Fit to the study's bench with a softer backbone, a displaced base and a disturbance."""
+    E, *base = coverage.TRUTH[[0, 2, 3, 4, 5, 6, 7]]
+    place = Rigid.from_rotation_vector(np.radians(base[3:]), 1e-3 * np.array(base[:3]))
+    study = {k: v for k, v in STUDY_BY_NAME.items() if k != "tilt"} | disturbance
+    made = set_up(robot, **bench(**study, base=place, actual={coverage.NAMES[0]: 1e9 * E}))
+    known = robot.with_({"gravity": STUDY_BY_NAME["gravity"]})
+    return fit(known, made.measure(3), coverage.NAMES, loss="linear", rows=rows)
+
+
+def test_loading_alone_hardly_separates_friction_and_stiffness(robot: bs.Robot) -> None:
+    both, alone = calibrated(robot), calibrated(robot, np.arange(99) % 33 < 17)
+    assert alone.correlation[0, 1] == pytest.approx(-0.956, abs=0.02)
+    assert both.correlation[0, 1] == pytest.approx(-0.2, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "variance", "biased"),
+    [
+        ({"drift": [0, 0.2e-3, 0]}, 4.1, False),
+        ({"tip_force": [0.05, 0, 0]}, 30, True),
+        # these two are hidden: a fitted frame compensates them, or stiffness and friction do
+        ({"tip_force": [0, 0.01, 0]}, 1.0, False),
+        ({"gravity_frame": "measuring"}, 1.15, True),
+    ],
+    ids=str,
+)
+def test_calibrated_residuals_reveal_disturbances(
+    disturbance: dict[str, Any], variance: float, biased: bool, robot: bs.Robot
+) -> None:
+    """Residual variance over that of noise, and a stiffness wrong by many standard errors."""
+    plain, found = calibrated(robot), calibrated(robot, **disturbance)
+    chi = [float((each.residuals**2).sum()) / 0.02e-3**2 / (297 - 8) for each in (plain, found)]
+    assert chi == pytest.approx([1.0, variance], rel=0.15)
+    error = (found.estimates[0].value - coverage.TRUTH[0]) / plain.estimates[0].standard_error
+    assert abs(error) > 15 if biased else abs(error) < 3
 
 
 def test_full_fits_to_a_few_benches() -> None:

@@ -345,24 +345,28 @@ def test_a_load_that_fails_at_the_start_keeps_the_former_run(tmp_path: Path) -> 
     assert asked == [0.0, 0.0] and former.to_dataset().attrs["status"] == "converged"
 
 
-@pytest.mark.parametrize("within", ["progress", "tensions"])
+@pytest.mark.parametrize("within", ["progress", "displacements"])
 def test_an_interrupted_run_keeps_its_records(tmp_path: Path, within: str) -> None:
     def stop(share: float) -> list[float]:
         if share > 0.4:
             raise KeyboardInterrupt
-        return tendon_1(5)
+        return [0.01 * share, -0.02, -0.02]
 
     by_progress = within == "progress"
-    tensions: Any = tendon_1(5) if by_progress else lambda t: stop(t / 5.0)
-    output = bs.Output(path=tmp_path / "run.nc", progress=stop if by_progress else None)
+    tensions, path = tendon_1(5) if by_progress else None, tmp_path / "run.nc"
+    load = None if by_progress else bs.Load(displacements=lambda t: stop(t / 5.0))
+    output = bs.Output(path=path, progress=stop if by_progress else None)
     with pytest.raises(simulation.RunInterrupted) as caught:
-        simulate(ROBOT, tensions, 5.0, output=output)
+        simulate(ROBOT, tensions, 5.0, load=load, output=output)
     assert caught.value.run.status == "interrupted"
     again = pickle.loads(pickle.dumps(caught.value))
     assert isinstance(again, simulation.RunInterrupted) and again.run.end == caught.value.run.end
-    data = read_run(tmp_path / "run.nc")
+    data = read_run(path)
     assert data.attrs["status"] == "interrupted"
-    assert 1.9 < float(data.time[-1]) < 3.1 and float(data.time[-1]) == caught.value.run.end
+    end = float(data.time[-1])
+    assert 1.9 < end < 3.1 and end == caught.value.run.end
+    if not by_progress:
+        assert float(data.tendon_displacement[-1, 0]) == pytest.approx(0.01 * end / 5.0)
 
 
 # -- loads over time -------------------------------------------------------------------------

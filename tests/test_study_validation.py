@@ -667,6 +667,7 @@ def test_a_failed_calibration_keeps_the_other_results(
 def test_the_fewest_rows_are_validated(robot: bs.Robot, bench: Measurements) -> None:
     found = judge_data(robot, bench.select([0, 5, 10, 16]), 0.01)
     assert found.comparison("rod").n == 4
+    assert "4 rows at 4 loads, loading only." in found.text[0]
     # fewer points than parameters: as in the file, and the report gives the reason
     assert found.calibration is None and found.residuals is None
     assert any("too few" in note for note in found.notes)

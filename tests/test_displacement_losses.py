@@ -1,4 +1,4 @@
-"""Clearance of tendons in their holes, as a parameter of a fit."""
+"""Displacements lost in the holes of tendons and in the mount of all motors."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import TipModel
 from bowstring.errors import InputError
 
-CLEARANCE = 3e-4
+CLEARANCE, MOUNT = 3e-4, 2e-5
 SEGMENTS = [f"segments.{i}.tendons" for i in range(3)]
 ROBOT = bs.load_robot("crl-ftdcr-v4", {f"{each}.compliance": "0.1 mm/N" for each in SEGMENTS})
+PRETENSIONED = ROBOT.with_({f"{each}.pretension": 0.5 for each in SEGMENTS})
 
 
 def displacements(count, seed):
@@ -22,6 +23,37 @@ def displacements(count, seed):
     rng = np.random.default_rng(seed)
     tensions = rng.uniform(0.3, 4.0, (count, ROBOT.core.tendon_count))
     return bs.sweep(ROBOT, tensions).displacements()
+
+
+def actuated(robot, count, seed):
+    """Displacements (n, T) of the motors, and tips (n, 3), of random tensions; some are slack.
+
+    The mount takes its part of a pose that is known by tensions, so that nothing is iterated.
+    """
+    rng = np.random.default_rng(seed)
+    tensions = rng.uniform(-1.0, 4.0, (count, robot.core.tendon_count))
+    slack = tensions < 0
+    tensions = np.maximum(tensions, 0.0)
+    found = bs.sweep(robot, tensions)
+    before = found.displacements() - np.where(slack, 1e-4, 0.0)
+    more = tensions - robot.tendons.pretension_N
+    return before + MOUNT * more.sum(axis=1, keepdims=True), found.tip_position
+
+
+def model_of(robot, given, names, start):
+    data = Data(points=np.zeros((len(given), 3)), displacements=given)
+    return TipModel(Unknowns(robot, names, start), commands(data, robot), bs.RodModel())
+
+
+def has_derivatives_of_differences(model, share):
+    """By central differences of predictions over a share of the step of each parameter."""
+    values = model.unknowns.start
+    exact = model.jacobian(values, model.predict(values, keep=True))
+    for i, item in enumerate(model.unknowns.items):
+        step = share * item.step * (np.arange(len(values)) == i)
+        more, less = (model.predict(values + side * step).point for side in (1, -1))
+        central = (more - less) / (2 * share)
+        assert exact[:, :, i] * item.step == pytest.approx(central, abs=4e-6), item.name
 
 
 def listed(robot):
@@ -60,6 +92,37 @@ def test_fit_finds_the_clearance():
     assert found["hole_clearance"].value == pytest.approx(1e3 * CLEARANCE, abs=1e-4)
     assert found.score.rmse < 1e-6
     assert found.score_before.rmse > 1e-3
+
+
+@pytest.mark.parametrize("stretch", ["0.1 mm/N", "0.001 mm/N", "0 mm/N"])
+def test_prediction_with_a_mount_is_that_by_tensions(stretch):
+    """Also where the mount gives far more than the tendons, and a plain iteration diverges."""
+    robot = PRETENSIONED.with_({f"{each}.compliance": stretch for each in SEGMENTS})
+    given, reached = actuated(robot, 30, 1)
+    model = model_of(robot, given, ["base.x"], {"mount_compliance": MOUNT})
+    found = model.predict(model.unknowns.start)
+    assert found.solved.all()
+    assert found.point == pytest.approx(reached, abs=2e-6)
+
+
+def test_a_mount_takes_nothing_from_the_home_pose():
+    model = model_of(PRETENSIONED, np.zeros((1, 9)), ["base.x"], {"mount_compliance": MOUNT})
+    found = model.predict(model.unknowns.start)
+    home = bs.sweep(PRETENSIONED, PRETENSIONED.tendons.pretension_N[None]).tip_position
+    assert found.point == pytest.approx(home, abs=1e-9)
+
+
+def test_fit_finds_the_compliance_of_the_mount():
+    given, reached = actuated(ROBOT, 60, 2)
+    data = Data(points=reached, displacements=given)
+    found = fit(ROBOT, data, ["mount_compliance"], loss="linear")
+    assert found.converged, found.message
+    assert found["mount_compliance"].value == pytest.approx(1e3 * MOUNT, rel=1e-4)
+    assert found.score.rmse < 1e-6 < 5e-4 < found.score_before.rmse
+    # the fitted robot is a robot file
+    assert found.outside_robot == {} and found.is_in_robot("mount_compliance")
+    again = bs.solve_batch(found.robot, load=bs.Load(displacements=given))
+    assert again.tip_position == pytest.approx(reached, abs=1e-6)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.05])
@@ -127,12 +190,12 @@ def test_a_displacement_holds_the_tension_that_took_it():
     assert (by_tension.displacements() > plain.displacements()).all()
 
 
-def test_constant_curvature_is_told_that_it_has_no_effect():
+@pytest.mark.parametrize("name", ["hole_clearance", "mount_compliance"])
+def test_constant_curvature_is_told_that_it_has_no_effect(name):
     """All tendons of a segment lose the same displacement, which leaves their differences."""
-    given = displacements(20, 1)
-    data = Data(points=tips(ROBOT, given, 0.0), displacements=given)
-    with pytest.raises(InputError, match="hole_clearance has no effect"):
-        fit(ROBOT, data, ["hole_clearance"], model="arc")
+    given, reached = actuated(ROBOT, 20, 1)
+    with pytest.raises(InputError, match=f"{name} has no effect"):
+        fit(ROBOT, Data(points=reached, displacements=given), [name], model="arc")
 
 
 def test_tensions_do_not_depend_on_it():
@@ -140,26 +203,36 @@ def test_tensions_do_not_depend_on_it():
     data = Data(points=bs.sweep(ROBOT, tensions).tip_position, tensions=tensions)
     held = fit(ROBOT, data, ["base.x"], start={"hole_clearance": 1e-3}, loss="linear")
     assert held.score.rmse < 1e-9
+    with pytest.raises(InputError, match="mount_compliance has no effect"):
+        fit(ROBOT, data, ["mount_compliance"])
+
+
+def test_the_compliance_of_the_mount_is_one_number_for_the_robot():
+    with pytest.raises(InputError, match=r"there is no parameter 'mount_compliance\.tendons'"):
+        Unknowns(ROBOT, ["mount_compliance.tendons"])
+    with pytest.raises(InputError, match="start of mount_compliance"):
+        Unknowns(ROBOT, ["mount_compliance"], {"mount_compliance": float("nan")})
 
 
 @pytest.mark.parametrize("bent", [{}, {"backbone.rest_bend": 0.3}, {"tendons.0.pretension": 2.0}])
-def test_derivatives_are_those_of_differences(bent):
-    """All parameters of displacements and tendons, against central differences of predictions."""
-    given = displacements(12, 4)
-    robot = listed(ROBOT.with_({f"{each}.pretension": 0.5 for each in SEGMENTS})).with_(
+def test_derivatives_with_clearance(bent):
+    """All parameters of displacements and tendons."""
+    robot = listed(PRETENSIONED).with_(
         {f"segments.{i}.{k}": v for i in range(3) for k, v in bent.items()}
     )
-    data = Data(points=np.zeros((12, 3)), displacements=given)
     names = ["hole_clearance.segments", "gain.segments", "offset.tendons"]
     names += ["segments.*.tendons.compliance", "segments.0.tendons.1.pretension"]
     names += ["segments.0.backbone.E", "gravity.0"]
     start = {f"hole_clearance.segments.{i}": CLEARANCE for i in range(3)}
-    unknowns = Unknowns(robot, names, start)
-    model = TipModel(unknowns, commands(data, robot), bs.RodModel())
-    values = unknowns.start
-    exact = model.jacobian(values, model.predict(values, keep=True))
-    for i, item in enumerate(unknowns.items):
-        step = 1e-3 * item.step * (np.arange(len(values)) == i)
-        more, less = (model.predict(values + side * step).point for side in (1, -1))
-        central = (more - less) / (2e-3 * item.step)
-        assert exact[:, :, i] * item.step == pytest.approx(central * item.step, abs=4e-6), item.name
+    has_derivatives_of_differences(model_of(robot, displacements(12, 4), names, start), 1e-3)
+
+
+@pytest.mark.parametrize("clearance", [0.0, CLEARANCE])
+def test_derivatives_with_a_mount(clearance):
+    """All parameters of displacements and tendons, also of slack ones."""
+    given, _ = actuated(PRETENSIONED, 12, 3)
+    names = ["mount_compliance", "gain.segments", "offset.tendons", "segments.0.backbone.E"]
+    names += ["segments.*.tendons.compliance", "segments.*.tendons.pretension"]
+    names += ["hole_clearance"] * bool(clearance)
+    start = {"mount_compliance": MOUNT, "hole_clearance": clearance}
+    has_derivatives_of_differences(model_of(PRETENSIONED, given, names, start), 1e-2)
