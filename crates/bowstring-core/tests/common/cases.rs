@@ -400,10 +400,10 @@ impl Case {
             let to = from + flexible / along;
             let s = profile.at(0.5 * (from + to));
             let line = on(&load.line_forces);
-            // clamped backbone weighs as much as the mean of its module
-            let clamp = gravity * profile.mean(from, to, |s| s.mass_per_length) + line;
-            let stiff = |section: &mut Station, length: f64| section.rigid(clamp, length);
-            stiff(&mut section, disk.clamped_length / 2.0);
+            let clamp =
+                |from: f64, to: f64| gravity * profile.mean(from, to, |s| s.mass_per_length) + line;
+            let held = disk.clamped_length / 2.0;
+            section.rigid(clamp(to, to + held / along), held);
             let rod = Flexible {
                 at: &|x: f64| profile.at(from + x * (to - from)),
                 compliance: self.compliances.get(disk.segment),
@@ -429,7 +429,7 @@ impl Case {
                 done = part;
             }
             section.integrate(&rod, [done, 0.0], steps);
-            stiff(&mut section, before.1);
+            section.rigid(clamp(from - before.1 / along, from), before.1);
             // positions are rounded to the size of the robot, however short the module
             let unit = f64::max(pitch, 1e-6 * robot.length());
             let place = (section.pose.position - start.position).norm() / unit;

@@ -314,6 +314,9 @@ pub fn place(modules: impl IntoIterator<Item = [f64; 3]>, arc_length: f64) -> Pl
 pub struct Robot {
     spec: RobotSpec,
     pub(crate) modules: Vec<Module>,
+    /// Mass of each disk, and what the backbone in its clamps weighs more than by the mean mass per
+    /// length of the modules, which all else takes for the clamps too (kg).
+    pub(crate) disk_mass: Vec<f64>,
 }
 
 impl Robot {
@@ -430,7 +433,11 @@ impl Robot {
             Self::check_payload(i, payload, spec.disks.len())?;
         }
         InputError::check_finite(Argument::Gravity, None, &spec.gravity)?;
-        let mut robot = Robot { spec, modules };
+        let mut robot = Robot {
+            disk_mass: spec.disks.iter().map(|disk| disk.mass).collect(),
+            spec,
+            modules,
+        };
         robot.weigh_clamps();
         if !robot.moment_scale().is_normal() {
             return Err(InputError::other(
@@ -501,9 +508,9 @@ impl Robot {
     /// Total mass of disks, backbone and payloads (kg).
     pub fn mass(&self) -> f64 {
         let mut mass = self.spec.payloads.iter().map(|payload| payload.mass).sum();
-        for (k, disk) in self.spec.disks.iter().enumerate() {
+        for (k, disk) in self.disk_mass.iter().enumerate() {
             let [from, to] = self.modules[k].clamp;
-            mass += disk.mass + self.mass_per_length(k) * (from + self.modules[k].flexible + to);
+            mass += disk + self.mass_per_length(k) * (from + self.modules[k].flexible + to);
         }
         mass
     }
@@ -576,8 +583,6 @@ impl Robot {
             (first, start) = (next, station);
         }
     }
-    /// Adds to each disk what the clamped backbone beside it weighs more than by the mean mass per
-    /// length of its modules, which all else takes for the clamps too.
     fn weigh_clamps(&mut self) {
         for k in 0..self.modules.len() {
             let Module {
@@ -592,9 +597,9 @@ impl Robot {
             let excess = [(from - before, from), (to, to + after)]
                 .map(|(a, b)| self.profile(k).mean(a, b, |s| s.mass_per_length) - mean);
             if k > 0 {
-                self.spec.disks[k - 1].mass += excess[0] * clamp[0];
+                self.disk_mass[k - 1] += excess[0] * clamp[0];
             }
-            self.spec.disks[k].mass += excess[1] * clamp[1];
+            self.disk_mass[k] += excess[1] * clamp[1];
         }
     }
     fn check_section(segment: usize, s: &Section) -> Result<(), InputError> {

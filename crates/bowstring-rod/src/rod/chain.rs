@@ -367,7 +367,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let mut mass = L::Chain::zero();
             for lane in 0..L::Chain::LANES {
                 let robot = &robots[lane.min(robots.len() - 1)];
-                mass.set_lane(lane, robot.spec().disks[k].mass);
+                mass.set_lane(lane, robot.disk_mass[k]);
             }
             self.fixed.masses.push(mass);
         }

@@ -158,7 +158,7 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
             let second =
                 |a: usize, clamp: f64| clamped * clamp.powi(3) / 3.0 + lump(a) * clamp.powi(2);
             directors[k][1] += f64::max(across - along / 2.0, 0.0) + second(A, module.clamp[1]);
-            points[k * A + A - 1] += disk.mass + clamped * module.clamp[1];
+            points[k * A + A - 1] += robot.disk_mass[k] + clamped * module.clamp[1];
             if k > 0 {
                 let held = module.flexible / 2.0 + module.clamp[0];
                 directors[k - 1][0] += section(0).rotary_inertia * held;

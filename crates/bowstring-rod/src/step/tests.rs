@@ -23,6 +23,10 @@ fn tapered_clamps_have_the_mass_of_their_weight() {
     let sections = [0.0, 0.25, 0.5, 0.75, 1.0].map(at);
     spec.backbone = vec![Profile::Tapered(Box::new(sections))];
     let robot = Robot::new(spec).unwrap();
+    let backbone = robot.length() * robot.spec().backbone[0].mean(0.0, 1.0, |s| s.mass_per_length);
+    let disks: f64 = robot.spec().disks.iter().map(|disk| disk.mass).sum();
+    assert!((robot.mass() / (backbone + disks) - 1.0).abs() < 1e-12);
+    assert_eq!(robot.with_stiffness(&[1.0]).unwrap().mass(), robot.mass());
     let still = Damping {
         mass: 0.0,
         material: 0.0,
