@@ -217,6 +217,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--masses", "0:8"], '--masses: got "0:8"; write first:step:last'),
         (["--masses", "0:0:8"], "--masses: steps of 0 kg do not lead from 0 to 8"),
         (["--masses", "0:-1:8"], "steps of -1 kg do not lead from 0 to 8"),
+        (["--masses", "0:8:0.5"], "leads beyond 0.5; the order is first:step:last"),
         (["--masses", "0:0.3:8"], "do not meet 8; end for example at 7.8"),
         (["--masses", "0:1e-9:8"], "got 8e+09 steps; up to 100000 are possible"),
         (["--masses", "0:1 N:8"], '--masses: got "1 N", but "N" is not a unit of mass'),

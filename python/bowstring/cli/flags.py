@@ -212,6 +212,11 @@ class Range(Numbers):
         steps = (last - first) / step
         if steps > MOST_LOADS:
             raise InputError(f"{flag}: got {steps:.3g} steps; up to {MOST_LOADS} are possible.")
+        if 0.0 < steps < 1.0 - 1e-6:
+            raise InputError(
+                f"{flag}: the step of {step:g} {self.si} from {first:g} leads beyond {last:g}; the "
+                "order is first:step:last."
+            )
         if abs(steps - round(steps)) > 1e-6:
             end = first + math.floor(steps) * step
             raise InputError(
