@@ -633,6 +633,7 @@ def test_the_terminal_begins_with_the_verdict_in_27_lines(paper: Study, width: i
     assert text.index("From force") < text.index("angle 18 u/(v")
     assert "no other of 3 tendons leaves the tolerance earlier" in text
     assert "Friction 0.1 (assumed)" in text and "--verbose" in text
+    assert "from lengths the limit is at least 80 N in 86 % of the samples" in text
 
 
 def test_a_limit_of_0_in_most_samples_has_no_factor(paper: Study) -> None:

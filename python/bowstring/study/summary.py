@@ -111,7 +111,7 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
     yield from _correction(study)
     if study.spreads:
         how = "assumed; " if study.uncertainty_assumed else ""
-        known = [s for s in study.spreads if s.limit_indices is not None] or study.spreads
+        known = [s for s in study.spreads if np.isfinite(s.limit).any()] or study.spreads
         robots = f"{len(known[0].limit)} robots"
         limits = []
         for s in known:
@@ -132,8 +132,8 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         largest, _ = study.dynamics.max_difference
         yield (
             "Dynamics",
-            f"while the tension rises in {significant(study.dynamics.rise)} s, the tip stays "
-            f"within {in_mm(largest)} of its static equilibrium",
+            f"with a rise of {significant(study.dynamics.rise)} s the tip stays within "
+            f"{in_mm(largest)} of its equilibrium",
         )
     elif study.dynamics is None:
         yield "Dynamics", study.dynamics_text[0].rstrip(".")
