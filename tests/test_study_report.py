@@ -629,7 +629,7 @@ def test_the_terminal_begins_with_the_verdict_in_27_lines(paper: Study, width: i
     text = " ".join(out.getvalue().split())
     limit = next(m.valid_to for m in paper.verdict.meanings if m.name == "cc_from_force")
     assert limit is not None and f"up to {limit:.3g} N" in text
-    assert "because it ignores that the tendons run straight between the disks; corr" in text
+    assert "because it ignores that tendons run straight between the disks; corr" in text
     assert text.index("From force") < text.index("angle 18 u/(v")
     assert "no other of 3 tendons leaves the tolerance earlier" in text
     assert "Friction 0.1 (assumed)" in text and "--verbose" in text

@@ -98,7 +98,7 @@ def test_the_answer_is_one_sentence(paper: Study) -> None:
     lengths, force = paper.verdict.meanings
     assert lengths.answer == "From true tendon lengths: yes, up to 80 N (largest error 0.67 mm)."
     assert force.answer == (
-        "From force: only up to 56.1 N, because it ignores that the tendons run straight between "
+        "From force: only up to 56.1 N, because it ignores that tendons run straight between "
         "the disks; corrected: yes, up to 80 N (largest error 0.125 mm)."
     )
     tight = Stages(load_robot("amouri2019"), tolerance=1e-5).judged(paper.budget).meanings[1]
@@ -117,7 +117,7 @@ def test_the_worst_combination_of_tendons_is_judged(paper: Study) -> None:
         tendon = {i: 1.0 for i, share in enumerate(shares, 1) if share}
         got = Stages(robot, tolerance=0.001, max_tension=3.0, tendon=tendon)
         limits[shares] = got.judged(paper.budget).meanings[1].valid_to
-    worst = worst_combination(robot, [inner, both, tried[0]], "cosserat", 0.001, 3.0)
+    worst, _ = worst_combination(robot, [inner, both, tried[0]], "cosserat", 0.001, 3.0)
     assert limits[worst] == min(limits.values()) < max(limits.values())
     # with all tendons alike the first one counts, and a given tendon is kept
     assert paper.settings.shares == (1.0, 0.0, 0.0) and paper.settings.tried == 3

@@ -77,7 +77,7 @@ EFFECTS: Final = {
         "model",
         {"tendon_path": "continuous"},
         _spans,
-        "the tendons run straight between the disks",
+        "tendons run straight between the disks",
     ),
     "clamps": Effect(
         "clamped lengths at the disks",

@@ -585,22 +585,33 @@ impl Robot {
     }
     fn weigh_clamps(&mut self) {
         for k in 0..self.modules.len() {
-            let Module {
-                part: [from, to],
-                flexible,
-                clamp,
-                ..
-            } = self.modules[k];
-            let mean = self.mass_per_length(k);
-            let per_length = (to - from) / flexible;
-            let [before, after] = clamp.map(|length| length * per_length);
-            let excess = [(from - before, from), (to, to + after)]
-                .map(|(a, b)| self.profile(k).mean(a, b, |s| s.mass_per_length) - mean);
+            let [[start, _], [end, _]] = self.clamp_excess(k);
             if k > 0 {
-                self.disk_mass[k - 1] += excess[0] * clamp[0];
+                self.disk_mass[k - 1] += start;
             }
-            self.disk_mass[k] += excess[1] * clamp[1];
+            self.disk_mass[k] += end;
         }
+    }
+    /// What the backbone weighs more than by the mean of a module in the clamp at its start and at
+    /// its end: mass (kg), and mass times distance from the disk (kg m).
+    pub(crate) fn clamp_excess(&self, k: usize) -> [[f64; 2]; 2] {
+        let Module { part, clamp, .. } = self.modules[k];
+        let (profile, mean) = (self.profile(k), self.mass_per_length(k));
+        let per_length = (part[1] - part[0]) / self.modules[k].flexible;
+        std::array::from_fn(|side| {
+            let (length, mut out) = (clamp[side], [0.0; 2]);
+            let inward = if side == 0 { -per_length } else { per_length };
+            // Gauss's rule
+            let off = 0.5 * 0.6_f64.sqrt();
+            for (place, weight) in [(0.5 - off, 5.0), (0.5, 8.0), (0.5 + off, 5.0)] {
+                let from_disk = place * length;
+                let at = part[side] + inward * (length - from_disk);
+                let excess = (profile.at(at).mass_per_length - mean) * length * weight / 18.0;
+                out[0] += excess;
+                out[1] += excess * from_disk;
+            }
+            out
+        })
     }
     fn check_section(segment: usize, s: &Section) -> Result<(), InputError> {
         for (argument, value, rule) in [

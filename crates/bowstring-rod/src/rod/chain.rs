@@ -89,8 +89,8 @@ impl<L: Layout, const A: usize> Fixed<L, A> {
         if let Some(taper) = self.tapers.get(k) {
             let (shift, turns) = taper.lumped(h, gravity);
             loads[0] += shift;
-            loads[1] += turns[1];
-            loads[2] += turns[0];
+            loads[1] += turns[1] + gravity * taper.clamps[1];
+            loads[2] += turns[0] + gravity * taper.clamps[0];
         }
         *force += weight * (h + start + end);
         loads

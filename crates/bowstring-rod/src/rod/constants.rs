@@ -477,6 +477,9 @@ pub struct Taper<T> {
     /// Change of the mass per length (kg/m): coefficients `a` and `b` of `a x + b (x^2 - 1/12)`,
     /// `x` the distance from the middle of the module over its length.
     pub mass: [T; 2],
+    /// Couples on the tangents of start and end for each m/s^2 (kg m): what the clamps weigh more
+    /// than by the mean of the module acts beside their disks.
+    pub clamps: [T; 2],
 }
 
 impl Taper<f64> {
@@ -489,6 +492,7 @@ impl Taper<f64> {
         }
         // with the same first and second moment; Boole's rule is exact for them
         let [a, b, c, d, e] = sections.map(|s| s.mass_per_length);
+        let [[_, start], [_, end]] = robot.clamp_excess(k);
         let first = 3.5 * (e - a) + 8.0 * (d - b);
         let second = 7.0 * (a + e) / 6.0 - 32.0 * (b + d) / 48.0 - c;
         Taper {
@@ -496,6 +500,7 @@ impl Taper<f64> {
             shear,
             axial,
             mass: [12.0 / 90.0 * first, 180.0 / 90.0 * second],
+            clamps: [start, -end],
         }
     }
 }
@@ -508,6 +513,7 @@ impl<T: Real> Taper<T> {
             shear: [T::zero(); 5],
             axial: [T::zero(); 5],
             mass: [T::zero(); 2],
+            clamps: [T::zero(); 2],
         };
         for (lane, of) in of.iter().enumerate() {
             for p in 0..5 {
@@ -517,6 +523,7 @@ impl<T: Real> Taper<T> {
             }
             for q in 0..2 {
                 out.mass[q].set_lane(lane, of.mass[q]);
+                out.clamps[q].set_lane(lane, of.clamps[q]);
             }
         }
         out
