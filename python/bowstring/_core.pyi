@@ -128,6 +128,15 @@ class PathSolver:
         threads: int | None,
         durations: Floats | None = None,
     ) -> dict[str, Any]: ...
+    def follow_perturbed(
+        self,
+        by_displacement: NDArray[np.bool_],
+        commands: Floats,
+        load: _DeadLoad,
+        disks: bool,
+        perturbed: Sequence[tuple[PathSolver, Floats]],
+        durations: Floats | None = None,
+    ) -> list[dict[str, Any]]: ...
     def history(self) -> dict[str, Any]: ...
     def resume(self, history: Mapping[str, NDArray[Any]]) -> None: ...
 

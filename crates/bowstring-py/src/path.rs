@@ -7,6 +7,7 @@ use crate::model::{numbers_of_points, point_loads, POINT_LOAD};
 use crate::rod::{check_rows, column, Answer, PathResult, Robot, Solution, State};
 use bowstring_core::model::load::Load;
 use bowstring_core::model::load::RodModel as Settings;
+use bowstring_core::model::robot::Robot as Inner;
 use bowstring_core::rod::estimate::ErrorEstimate;
 use bowstring_core::statics::hysteresis::Hysteresis;
 use bowstring_core::statics::inelastic::Inelasticity;
@@ -156,23 +157,13 @@ impl PathSolver {
         let robot = self.robot.clone_ref(py);
         let core = &robot.get().inner;
         if by_displacement.shape() != commands.shape() {
-            return Err(refused(
-                "by_displacement and commands must have the same shape",
-            ));
+            return Err(refused(SHAPES));
         }
-        let (count, n, m) = (
-            commands.shape()[0],
-            core.module_count(),
-            core.tendon_count(),
-        );
-        let numbers = 12 + (n + 7) * m + if disks { 12 * n } else { 0 } + 40;
-        check_rows(count, numbers, disks)?;
+        let count = commands.shape()[0];
+        check_path_rows(core, count, disks)?;
         let loads = OwnLoads::new(core, commands, &load)?;
-        let by_displacement: Vec<bool> = by_displacement.as_array().iter().copied().collect();
-        let durations = durations.map_or(vec![], |given| flat(&given));
-        if !durations.is_empty() && durations.len() != count {
-            return Err(refused(format!("durations must have {count} entries")));
-        }
+        let by_displacement = flat(&by_displacement);
+        let durations = durations_of(durations, count)?;
         let steps = Steps {
             loads: loads.borrow(),
             by_displacement: &by_displacement,
@@ -185,6 +176,57 @@ impl PathSolver {
         })?
         .map_err(input_error)?;
         arrays(py, robot.get(), found, disks)
+    }
+
+    /// Many steps of this path, and of perturbed ones beside it with their own commands; returns
+    /// those of the perturbed paths, whose solvers stay as they are. The rest as for `follow`.
+    #[allow(clippy::too_many_arguments)]
+    #[pyo3(signature = (by_displacement, commands, load, disks, perturbed, durations=None))]
+    fn follow_perturbed<'py>(
+        &mut self,
+        py: Python<'py>,
+        by_displacement: PyReadonlyArray2<'py, bool>,
+        commands: PyReadonlyArray2<'py, f64>,
+        load: DeadLoad<'py>,
+        disks: bool,
+        perturbed: Vec<(PyRef<'py, PathSolver>, PyReadonlyArray2<'py, f64>)>,
+        durations: Option<PyReadonlyArray1<'py, f64>>,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let robot = self.robot.clone_ref(py);
+        let core = &robot.get().inner;
+        let shape = by_displacement.shape();
+        let differs = |rows: &PyReadonlyArray2<'_, f64>| rows.shape() != shape;
+        if differs(&commands) || perturbed.iter().any(|(_, rows)| differs(rows)) {
+            return Err(refused(SHAPES));
+        }
+        check_path_rows(core, shape[0] * perturbed.len(), disks)?;
+        let durations = durations_of(durations, shape[0])?;
+        let by_displacement = flat(&by_displacement);
+        let steps = |loads| Steps {
+            loads,
+            by_displacement: &by_displacement,
+            durations: &durations,
+        };
+        let own = OwnLoads::new(core, commands, &load)?;
+        let (paths, loads): (Vec<_>, Vec<_>) = perturbed
+            .into_iter()
+            .map(|(path, commands)| {
+                let own = path.inner.clone();
+                let loads = OwnLoads::new(own.robot(), commands, &load)?;
+                Ok((own, loads))
+            })
+            .collect::<PyResult<_>>()?;
+        let rows = loads.iter().map(|loads| steps(loads.borrow()));
+        let mut perturbed: Vec<_> = paths.into_iter().zip(rows).collect();
+        let path = &mut self.inner;
+        let found = interruptible(py, || {
+            path_batch::follow_perturbed(path, &steps(own.borrow()), &mut perturbed, disks)
+        })?
+        .map_err(input_error)?;
+        found
+            .into_iter()
+            .map(|found| arrays(py, robot.get(), found, disks))
+            .collect()
     }
 
     /// State of the path after its last step.
@@ -299,6 +341,25 @@ impl PathSolver {
     }
 }
 
+const SHAPES: &str = "by_displacement and commands must have the same shape";
+
+/// Checks that the solutions of so many rows fit into memory.
+fn check_path_rows(robot: &Inner, rows: usize, disks: bool) -> PyResult<()> {
+    let (n, m) = (robot.module_count(), robot.tendon_count());
+    let numbers = 12 + (n + 7) * m + if disks { 12 * n } else { 0 } + 40;
+    check_rows(rows, numbers, disks)
+}
+
+/// Times from row to row (s), one for each of `count` rows; empty for zero.
+fn durations_of(given: Option<PyReadonlyArray1<'_, f64>>, count: usize) -> PyResult<Vec<f64>> {
+    match given.map(|given| flat(&given)) {
+        Some(durations) if durations.len() != count => {
+            Err(refused(format!("durations must have {count} entries")))
+        }
+        given => Ok(given.unwrap_or_default()),
+    }
+}
+
 /// Paths of many robots like `robot`, each from its home pose along its own rows, on `threads`
 /// cores (0: all). Commands are which tendons are displacement-controlled, and the values.
 #[pyfunction]
@@ -313,17 +374,10 @@ pub fn follow_designs<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let (by_displacement, commands) = commands;
     if by_displacement.shape() != commands.shape() {
-        return Err(refused(
-            "by_displacement and commands must have the same shape",
-        ));
+        return Err(refused(SHAPES));
     }
     let core = &robot.inner;
-    let m = core.tendon_count();
-    check_rows(
-        commands.shape()[0],
-        52 + (core.module_count() + 7) * m,
-        false,
-    )?;
+    check_path_rows(core, commands.shape()[0], false)?;
     let robots = designs.robots(core)?;
     let lines = designs.lines();
     let loads = OwnLoads::new(core, commands, &load)?;

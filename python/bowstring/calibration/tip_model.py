@@ -35,9 +35,10 @@ Bools = NDArray[np.bool_]
 
 _NO_LOAD: Final = Load()  # only the robot's gravity
 _WEIGHTLESS: Final = Load(gravity=(0.0, 0.0, 0.0))
-#: Step of differences over natural step of a parameter; larger with friction, which jumps.
+#: Step of central differences over natural step of a parameter, and of those of perturbed paths,
+#: which are one-sided.
 _SMALL: Final = 1e-3
-_SMALL_FRICTION: Final = 0.1
+_PERTURBATION: Final = 1e-4
 #: Time at rest before a path, s.
 _AT_REST: Final = 1e15
 #: Parameters of frames and offsets, which move the points and not the robot.
@@ -289,8 +290,8 @@ class TipModel:
         """Derivatives (K, 3 M, P) of the coordinates of the measured points.
 
         Exact by parameters of displacements and tensions, by base, tool and markers, and by E and
-        gravity where all points are on the end disk, unless the robot has a memory; central
-        differences by the others.
+        gravity where all points are on the end disk, unless the robot has a memory; differences by
+        the others, with a memory from perturbed paths.
         """
         return np.stack([column.whole for column in self._columns(values, at)], axis=-1)
 
@@ -439,16 +440,22 @@ class TipModel:
         found = []
         for number, rows in enumerate(paths):
             core.reset()
-            held, values = self.commands.by_displacement[rows], given[rows]
-            late = self.commands.durations(rows) if robot.is_viscoelastic else None
-            before = setting.before(number, held[0], values[0]) if robot.has_memory else None
-            if before is not None:  # a row before the first one
-                held, values = np.vstack((before[0], held)), np.vstack((before[1], values))
-                late = None if late is None else np.concatenate(([_AT_REST], late))
-            at = core.follow(held, values, _NO_LOAD, disks, threads, late)
-            found.append({name: at[name][len(at[name]) - len(rows) :] for name in names})
-        back = np.argsort(np.concatenate(paths))
-        return {name: np.concatenate([each[name] for each in found])[back] for name in names}
+            held, values, late = self._steps(number, rows, setting, given)
+            found.append(core.follow(held, values, _NO_LOAD, disks, threads, late))
+        return _joined(found, paths, names)
+
+    def _steps(
+        self, number: int, rows: NDArray[np.int64], setting: Setting, given: Floats
+    ) -> tuple[Bools, Floats, Floats | None]:
+        """Kinds and values of the commands of a path, from before its first row, and durations."""
+        robot = setting.robot
+        held, values = self.commands.by_displacement[rows], given[rows]
+        late = self.commands.durations(rows) if robot.is_viscoelastic else None
+        before = setting.before(number, held[0], values[0]) if robot.has_memory else None
+        if before is not None:  # a row before the first one
+            held, values = np.vstack((before[0], held)), np.vstack((before[1], values))
+            late = None if late is None else np.concatenate(([_AT_REST], late))
+        return held, values, late
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Predict by constant curvature, with the gain on the bend of each segment."""
@@ -502,7 +509,7 @@ class TipModel:
                 return exact.column(still, by_home, none)
 
         self.solves += 2
-        change = self._difference(i, values, self._state, self._small(at))
+        change = self._difference(i, values, self._state)
         return self._by_differences(change, at)
 
     def _state(self, setting: Setting) -> Floats:
@@ -513,9 +520,6 @@ class TipModel:
         found = self._rod(self.rod, setting, given, False)
         assert found.tensions is not None and found.slack is not None
         return np.concatenate((found.coordinates, found.tensions, found.slack), axis=1)
-
-    def _small(self, at: Prediction) -> float:
-        return _SMALL_FRICTION if at.setting.robot.has_friction else _SMALL
 
     def _by_differences(self, change: Floats, at: Prediction) -> _Column:
         """Convert central differences of `_state` to derivatives."""
@@ -533,18 +537,51 @@ class TipModel:
         return _Column(whole, whole - by_tensions, np.where(by_displacement, slack, 0.0), forced)
 
     def _along_paths(self, values: Floats, at: Prediction) -> dict[int, _Column]:
-        """Derivatives by all parameters except those of frames, from differences of paths."""
-        which = np.flatnonzero(~self.of_frames).tolist()
-        moves = [self._sides(i, values, self._small(at)) for i in which]
-        settings = [setting for sides in moves for setting, _ in sides]
-        self.solves += len(settings)
-        states = _on_threads(self._state, settings)
-        out = {}
-        for n, (i, sides) in enumerate(zip(which, moves, strict=True)):
-            apart = sides[0][1] - sides[1][1]
-            change = (states[2 * n] - states[2 * n + 1]) / apart
-            out[i] = self._by_differences(change, at)
+        """Derivatives by all parameters except those of frames, from perturbed paths."""
+        which = np.flatnonzero(~self.of_frames)
+        parts = [p.tolist() for p in np.array_split(which, os.cpu_count() or 1) if p.size]
+        self.solves += len(which) + len(parts)
+        each = _on_threads(lambda part: self._perturbed(part, values, at), parts)
+        none = np.zeros(self.commands.values.shape)
+        return {i: _Column(change, change, none, none) for part in each for i, change in part}
+
+    def _perturbed(
+        self, which: list[int], values: Floats, at: Prediction
+    ) -> list[tuple[int, Floats]]:
+        """Some parameters, and the derivatives (K, 3 M) by them from one-sided differences."""
+        moved = [self._perturbation(i, values) for i in which]
+        poses = self._follow_perturbed([at.setting, *(setting for setting, _ in moved)])
+        out = []
+        for i, (setting, value), (position, turned) in zip(which, moved, poses, strict=True):
+            other = replace(at, setting=setting, position=position, rotation=turned)
+            out.append((i, (other.coordinates - at.coordinates) / (value - values[i])))
         return out
+
+    def _perturbation(self, i: int, values: Floats) -> tuple[Setting, float]:
+        """Setting with another value of a parameter, and this value."""
+        sides = self._sides(i, values, _PERTURBATION)
+        return max(sides, key=lambda side: abs(side[1] - values[i]))
+
+    def _follow_perturbed(self, settings: Sequence[Setting]) -> list[tuple[Floats, Floats]]:
+        """Poses (K, M, 3) and (K, M, 3, 3) by all settings but the first, the nominal one."""
+        assert self.rod is not None
+        below = not self._at_end.all()
+        cores = [actuation.Path(s.robot, self.rod, alone=True).core for s in settings]
+        given = [self.commands.effective(setting) for setting in settings]
+        found = []
+        for number, rows in enumerate(self.commands.paths):
+            steps = [self._steps(number, rows, *each) for each in zip(settings, given, strict=True)]
+            held, values, durations = zip(*steps, strict=True)
+            perturbed = list(zip(cores[1:], values[1:], strict=True))
+            # a perturbed robot may be viscoelastic where the nominal one is not
+            late = next((each for each in durations if each is not None), None)
+            cores[0].reset()
+            found.append(
+                cores[0].follow_perturbed(held[0], values[0], _NO_LOAD, below, perturbed, late)
+            )
+        names = ["tip_position", "tip_rotation"] + ["disk_positions", "disk_rotations"] * below
+        each = zip(*found, strict=True)
+        return [self._poses(_joined(at, self.commands.paths, names)) for at in each]
 
     def _home(self, setting: Setting) -> Floats:
         """Unstretched lengths (T,) of the tendons at home, less what clearance takes there, m."""
@@ -566,9 +603,9 @@ class TipModel:
             segments[int(p.split(".")[1])].backbone.nu is not None for p in item.paths
         )
 
-    def _difference(self, i: int, values: Floats, of: Any, small: float = _SMALL) -> Floats:
+    def _difference(self, i: int, values: Floats, of: Any) -> Floats:
         """Central difference of a function of the setting, one-sided at a limit."""
-        (above, high), (below, low) = self._sides(i, values, small)
+        (above, high), (below, low) = self._sides(i, values, _SMALL)
         return np.asarray((of(above) - of(below)) / (high - low))
 
     def _sides(self, i: int, values: Floats, small: float) -> list[tuple[Setting, float]]:
@@ -631,6 +668,19 @@ def _bends(rotations: Floats) -> Floats:
 def _bends_of_tendons(robot: Robot, rotations: Floats) -> Floats:
     """Bend (K, T) in rad from the base to the end disk of each tendon, zero in unsolved rows."""
     return np.asarray(np.nan_to_num(_bends(rotations)[:, robot.tendons.end_disk]))
+
+
+def _joined(
+    found: Sequence[Mapping[str, Floats]], paths: list[NDArray[np.int64]], names: Sequence[str]
+) -> dict[str, Floats]:
+    """Arrays of all rows from those of each path, without a row before the first one."""
+    back = np.argsort(np.concatenate(paths))
+
+    def rows(name: str) -> Floats:
+        each = zip(found, paths, strict=True)
+        return np.concatenate([at[name][len(at[name]) - len(own) :] for at, own in each])
+
+    return {name: rows(name)[back] for name in names}
 
 
 def _table(solutions: list[Any], solved: Bools, name: str, *shape: int) -> Floats:

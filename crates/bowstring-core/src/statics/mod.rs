@@ -24,6 +24,7 @@ mod newton;
 pub mod path;
 pub mod path_batch;
 mod path_error;
+mod path_perturbed;
 mod path_step;
 pub mod relaxation;
 mod response;

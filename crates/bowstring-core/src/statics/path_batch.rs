@@ -174,6 +174,56 @@ pub fn solve_each(
     Ok(solutions)
 }
 
+/// Follows a path, and perturbed ones beside it along their own rows, each from its present state;
+/// returns the solutions of the perturbed paths. They have none where the nominal path has none.
+///
+/// # Errors
+/// As [`follow`], or if the paths do not fit into memory.
+pub fn follow_perturbed(
+    path: &mut PathSolver,
+    rows: &Steps,
+    perturbed: &mut [(PathSolver, Steps)],
+    disks: bool,
+) -> Result<Vec<PathSolutions>, InputError> {
+    rows.check(path)?;
+    path.check_copies(1 + perturbed.len())?;
+    let (count, m) = (rows.loads.count, path.robot().tendon_count());
+    let mut solutions = Vec::with_capacity(perturbed.len());
+    for (own, steps) in perturbed.iter_mut() {
+        steps.check(own)?;
+        solutions.push(PathSolutions::pending(own.robot(), count, disks)?);
+    }
+    let mut parts: Vec<_> = solutions
+        .iter_mut()
+        .flat_map(|each| each.parts(path.robot(), count.max(1)))
+        .collect();
+    for i in 0..count {
+        if interrupt::interrupted() {
+            break;
+        }
+        let old = path.history().clone();
+        let (commands, load) = rows.row(i, m);
+        path.set_duration(rows.duration(i))?;
+        let nominal = path.step(&commands, &load)?;
+        if nominal.status == Status::Converged {
+            path.last.linearise(&old);
+        }
+        for ((own, steps), part) in perturbed.iter_mut().zip(&mut parts) {
+            if nominal.status != Status::Converged {
+                own.wait(steps.duration(i));
+            } else if nominal.increments > 1 {
+                // the tangent is that of the last increment
+                part.step(i, steps, own);
+            } else {
+                part.step_by(i, steps, own, |own, commands, load| {
+                    own.step_perturbed(path, commands, load)
+                });
+            }
+        }
+    }
+    Ok(solutions)
+}
+
 /// Solvers of a thread.
 struct Scratch {
     path: PathSolver,
@@ -477,11 +527,22 @@ impl Part<'_> {
 
     /// Takes a step, and returns its status.
     fn step(&mut self, i: usize, steps: &Steps, path: &mut PathSolver) -> Status {
+        self.step_by(i, steps, path, PathSolver::step)
+    }
+
+    /// The same by another solution of the step.
+    fn step_by(
+        &mut self,
+        i: usize,
+        steps: &Steps,
+        path: &mut PathSolver,
+        solve: impl FnOnce(&mut PathSolver, &[Command], &Load) -> Result<PathOutcome, InputError>,
+    ) -> Status {
         let m = path.robot().tendon_count();
         let (commands, load) = steps.row(self.poses.first + i, m);
         let step = path
             .set_duration(steps.duration(self.poses.first + i))
-            .and_then(|()| path.step(&commands, &load));
+            .and_then(|()| solve(path, &commands, &load));
         let found = step.expect("all rows were checked");
         let put = |to: &mut [f64], from: &[f64]| {
             to[i * from.len()..][..from.len()].copy_from_slice(from);

@@ -3,6 +3,7 @@
 //! Theory: docs/theory/actuation.md.
 
 use crate::criteria::{is_length_settled, LOOSE, MAX_STEP, TOLERANCE};
+use crate::dispatch::Passes;
 use crate::interrupt;
 use crate::math::anderson::AndersonAcceleration;
 use crate::math::linalg::Vec3;
@@ -62,6 +63,8 @@ pub(crate) struct PathStep {
     /// Where tendons creep.
     pub creep: Option<CreepingTendons>,
     acceleration: Acceleration,
+    /// Gradient that the solution has left, where it is linearised for perturbed paths (N m).
+    pub(super) imbalance: Vec<Vec3>,
 }
 
 /// Anderson acceleration of the steps with a partial tangent.
@@ -142,6 +145,7 @@ impl PathStep {
             transmission,
             unloaded: None,
             creep: None,
+            imbalance: vec![],
         }
     }
 
@@ -372,7 +376,7 @@ impl PathStep {
     }
 
     /// Sets the load, at the pose and tensions of the step before.
-    fn start(&mut self, old: &History, commands: &[Command], load: &Load) {
+    pub(super) fn start(&mut self, old: &History, commands: &[Command], load: &Load) {
         self.transmission.start(old, commands);
         self.transmission.tendons.now.load.set_dead(load);
         self.take(load, old);
@@ -391,7 +395,7 @@ impl PathStep {
     }
 
     /// Moves the unloaded curvature with the present strain.
-    fn follow_strain(&mut self, old: &History) {
+    pub(super) fn follow_strain(&mut self, old: &History) {
         if let Some(unloaded) = &mut self.unloaded {
             unloaded.follow(&mut *self.solver.engine, old);
         }
@@ -491,6 +495,29 @@ impl PathStep {
         true
     }
 
+    /// Moves strain, tensions and drops by the step of another rod.
+    pub(super) fn advance_by(&mut self, rod: &dyn Passes) {
+        let accelerates = self.tangent_is_partial();
+        if accelerates {
+            self.note(0);
+        }
+        let engine = &mut *self.solver.engine;
+        let mut strain = vec![Vec3::zero(); self.transmission.tendons.now.strain.len()];
+        engine.strains(&mut |i, w| strain[i] = w);
+        rod.steps(&mut |i, step| strain[i] += step);
+        engine.set_strains(&|i| strain[i]);
+        self.transmission.take(engine, 1.0);
+        if accelerates {
+            self.note(1);
+            self.accelerate();
+        }
+    }
+
+    /// Discards the steps so far of the acceleration.
+    pub(super) fn clear_acceleration(&mut self) {
+        self.acceleration.anderson.clear();
+    }
+
     /// Stores strain, tensions and drops as numbers of similar magnitude.
     fn note(&mut self, end: usize) {
         let numbers = &mut self.acceleration.ends[end];
@@ -536,7 +563,7 @@ impl PathStep {
     }
 
     /// Accepts the solution as the state of the path.
-    fn finish(&mut self, mut outcome: PathOutcome, load: &Load) -> PathOutcome {
+    pub(super) fn finish(&mut self, mut outcome: PathOutcome, load: &Load) -> PathOutcome {
         let Transmission {
             tendons, unknowns, ..
         } = &mut self.transmission;

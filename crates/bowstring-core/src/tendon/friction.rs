@@ -70,6 +70,11 @@ impl Friction {
                 };
             }
         }
+        self.restart();
+    }
+
+    /// Makes the drops of holes that slip known again, after local changes have not settled.
+    pub fn restart(&mut self) {
         self.changes = 0;
     }
 
@@ -102,6 +107,40 @@ impl Friction {
             self.changes += 1;
         }
         settled && self.unchanged
+    }
+
+    /// Friction at the present bend of a perturbed path, where the same holes slip as in the last
+    /// `update` of the nominal one, which ended with these drops.
+    pub fn keep(
+        &mut self,
+        tendons: &mut Tendons,
+        rod: &dyn RoutedRod,
+        old: &History,
+        nominal: &Friction,
+        drops: &[f64],
+    ) {
+        let m = tendons.lines.len();
+        for i in 0..m {
+            if tendons.lines[i].friction == 0.0 {
+                continue;
+            }
+            for k in 0..=tendons.routing.ends[i] {
+                let at = k * m + i;
+                self.bounds[at] = tendons.lines[i].friction_bound(k, rod.angles()[at]);
+                if tendons.now.slip[at] == Slip::Sticks {
+                    continue;
+                }
+                tendons.now.drops[at] = if drops[at] == nominal.bounds[at] {
+                    self.bounds[at]
+                } else if drops[at] == -nominal.bounds[at] {
+                    -self.bounds[at]
+                } else {
+                    // the motor does not move
+                    old.drops[at]
+                };
+            }
+            tendons.carry(i);
+        }
     }
 
     /// Slip of a tendon at its holes in this step, positive towards the base.

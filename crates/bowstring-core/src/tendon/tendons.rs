@@ -323,6 +323,28 @@ impl Tendons {
         most / self.step.share
     }
 
+    /// Largest length error of a taut tendon, or slip since `old` at a hole that sticks (m).
+    pub fn kept_residual(&self, old: &History) -> f64 {
+        let (m, now) = (self.lines.len(), &self.now);
+        let mut most: f64 = 0.0;
+        for (i, command) in now.commands.iter().enumerate() {
+            if command.is_displacement() && self.is_taut(i) {
+                most = most.max(self.slack[i].abs());
+            }
+            if self.lines[i].friction == 0.0 || now.tensions[i] == 0.0 {
+                continue;
+            }
+            let mut slip = 0.0;
+            for at in (0..=self.routing.ends[i]).rev().map(|k| k * m + i) {
+                slip += now.spans[at] - old.spans[at];
+                if now.slip[at] == Slip::Sticks {
+                    most = most.max(slip.abs());
+                }
+            }
+        }
+        most
+    }
+
     /// Compliance of a whole tendon (theory Eq. 4.3, m/N).
     pub fn whole_compliance(&self, i: usize) -> f64 {
         let spans = self.spans_of(i).map(|at| self.compliance.spans[at]);

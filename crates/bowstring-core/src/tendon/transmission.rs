@@ -46,6 +46,22 @@ impl Transmission {
         settled
     }
 
+    /// Friction of a perturbed path at the present bend; see [`Friction::keep`].
+    pub fn keep_friction(&mut self, rod: &mut dyn RoutedRod, old: &History, nominal: &Self) {
+        let drops = &nominal.tendons.now.drops;
+        self.friction
+            .keep(&mut self.tendons, rod, old, &nominal.friction, drops);
+        self.tendons.apply(rod);
+    }
+
+    /// Solves for the unknowns of a perturbed path, with the columns of the nominal rod: holes that
+    /// stick and tendons that are slack stay so. Returns whether there is a solution.
+    pub fn solve_perturbed(&mut self, rod: &mut dyn RoutedRod, old: &History) -> bool {
+        self.gather(rod, old, 0.0, true);
+        self.unknowns.keep_slack(&self.tendons);
+        self.unknowns.problem.solve()
+    }
+
     /// Sets the problem of the unknowns; see [`Unknowns::gather`].
     pub fn gather(
         &mut self,

@@ -365,6 +365,17 @@ impl Unknowns {
         kept
     }
 
+    /// Replaces the bounds: slack tendons stay slack, and all other unknowns are free.
+    pub fn keep_slack(&mut self, tendons: &Tendons) {
+        for (r, unknown) in self.list.iter().enumerate() {
+            let (problem, least) = (&mut self.problem, &tendons.routing.least);
+            (problem.lower[r], problem.upper[r], problem.side[r]) = match *unknown {
+                Unknown::Tension(i) if !tendons.is_taut(i) => (least[i], least[i], Side::Lower),
+                _ => (f64::NEG_INFINITY, f64::INFINITY, Side::Between),
+            };
+        }
+    }
+
     /// Whether some tensions can change together without motion.
     pub fn is_undetermined(&mut self, tendons: &Tendons) -> bool {
         let problem = &mut self.problem;

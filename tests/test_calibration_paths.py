@@ -1,0 +1,124 @@
+"""Derivatives along paths with a memory, beside differences of whole paths."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bowstring import RodModel
+from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.tip_model import Commands, TipModel
+from bowstring.robot.model import Robot
+from test_calibration_fitting import made_up_displacements, three_segments
+from test_calibration_initial_state import MEMORIES, ROBOT, course
+
+Floats = NDArray[np.float64]
+ALL = "segments.*."
+#: Fields of each law in all segments, and those of them that are fitted.
+LAWS: dict[str, tuple[dict[str, object], list[str]]] = {
+    "friction": ({"tendons.friction": 0.2}, ["tendons.friction"]),
+    "friction before the base hole": (
+        {"tendons.friction": 0.05, "tendons.wrap_angle": 5.0},
+        ["tendons.friction", "tendons.wrap_angle"],
+    ),
+    "friction, mount and clearance": (
+        {
+            "tendons.friction": 0.1,
+            "tendons.hole_clearance": 2e-4,
+            "tendons.mount_compliance": 1e-5,
+        },
+        ["tendons.friction", "tendons.hole_clearance", "tendons.mount_compliance"],
+    ),
+    "backlash": ({"tendons.backlash": 1e-4}, ["tendons.backlash"]),
+    "hysteresis": (
+        {"backbone.hysteresis": 0.3, "backbone.hysteresis_play": 0.05},
+        ["backbone.hysteresis", "backbone.hysteresis_play"],
+    ),
+    "relaxation": (
+        {"backbone.relaxation": 0.3, "backbone.relaxation_time": 3.0},
+        ["backbone.relaxation", "backbone.relaxation_time"],
+    ),
+    "creep": (
+        {"tendons.creep_compliance": 3e-5, "tendons.creep_time": 30.0},
+        ["tendons.creep_compliance", "tendons.creep_time"],
+    ),
+    "friction and relaxation": (
+        {
+            "tendons.friction": 0.1,
+            "backbone.relaxation": 0.3,
+            "backbone.relaxation_time": 3.0,
+        },
+        ["tendons.friction", "backbone.relaxation"],
+    ),
+}
+#: Parameters of robot, drives and start that are fitted with each law.
+OTHERS = [
+    "segments.1.backbone.E",
+    ALL + "tendons.compliance",
+    "gravity.0",
+    "gain.tendons.3",
+    "offset.tendons.6",
+    "pitch_radius.segments.2",
+    "hole_angle.segments.1",
+    "delay",
+    "tool.z",
+]
+START = {"delay": 0.1, "tool.z": 8e-3}
+
+
+def with_law(law: str) -> tuple[Robot, list[str]]:
+    fields, fitted = LAWS[law]
+    changed = {f"segments.{i}.{name}": value for i in range(3) for name, value in fields.items()}
+    return three_segments(**changed), [ALL + name for name in fitted]
+
+
+def one_sided(model: TipModel, values: Floats, i: int, change: float) -> Floats:
+    """Differences (K, 3 M) of whole paths over a change of a parameter."""
+    moved = values.copy()
+    moved[i] += change
+    apart = model.predict(moved).coordinates - model.predict(values).coordinates
+    return np.asarray(apart / change)
+
+
+def check(model: TipModel) -> None:
+    """Compare all derivatives with differences to both sides, whose distance is their error."""
+    values = model.unknowns.start
+    found = model.jacobian(values, model.predict(values))
+    for i, item in enumerate(model.unknowns.items):
+        sides = [one_sided(model, values, i, sign * 1e-4 * item.step) for sign in (1.0, -1.0)]
+        low, high = np.minimum(*sides), np.maximum(*sides)
+        size = np.sqrt((np.maximum(*np.abs(sides)) ** 2).mean())
+        assert size > 0.0, item.name
+        outside = np.maximum(low - found[:, :, i], found[:, :, i] - high).max(axis=1) / size
+        assert outside.max() < 2e-3, (item.name, outside.argmax(), outside.max())
+        # most rows are not at a kink
+        assert np.median((high - low).max(axis=1)) < 1e-3 * size, item.name
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_derivatives_lie_between_differences_of_whole_paths(law: str) -> None:
+    robot, fitted = with_law(law)
+    rows = made_up_displacements(40)
+    commands = Commands(np.ones(rows.shape, bool), rows, np.linspace(0.0, 20.0, len(rows)))
+    unknowns = Unknowns(robot, [*OTHERS, *fitted], START)
+    # one point below the tip
+    check(TipModel(unknowns, commands, RodModel(), (14, 29)))
+
+
+@pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
+def test_derivatives_with_inextensible_tendons_and_a_tension(
+    theory: Literal["cosserat", "kirchhoff"],
+) -> None:
+    """Drives that stop in every other row, and two recordings, of which one begins bent."""
+    robot = ROBOT.with_(MEMORIES["relaxation"] | {"segments.0.tendons.friction": 0.1})
+    rows = np.repeat(course(20), 2, axis=0)
+    held = np.ones(rows.shape, bool)
+    held[:, 2], rows[:, 2] = False, np.linspace(2.0, 5.0, len(rows))
+    names = ["segments.0.backbone.E", "segments.0.tendons.friction", "gain.tendons.0"]
+    names += ["pitch_radius.segments.0", "initial_displacement.0.0"]
+    unknowns = Unknowns(robot, names, {"initial_displacement.0.0": 1e-3})
+    commands = Commands(held, rows, np.arange(40.0), np.repeat([0, 1], 20))
+    check(TipModel(unknowns, commands, RodModel(theory=theory)))
