@@ -122,3 +122,19 @@ def test_derivatives_with_inextensible_tendons_and_a_tension(
     unknowns = Unknowns(robot, names, {"initial_displacement.0.0": 1e-3})
     commands = Commands(held, rows, np.arange(40.0), np.repeat([0, 1], 20))
     check(TipModel(unknowns, commands, RodModel(theory=theory)))
+
+
+def test_derivatives_beside_a_row_without_equilibrium() -> None:
+    """The rows after it are as beside whole paths, and time passes in it."""
+    robot, fitted = with_law("friction and relaxation")
+    rows = made_up_displacements(12)
+    rows[5] = 0.5  # all tendons shortened by more than the robot is long
+    commands = Commands(np.ones(rows.shape, bool), rows, np.linspace(0.0, 20.0, len(rows)))
+    model = TipModel(Unknowns(robot, fitted), commands, RodModel(), (29,))
+    values = model.unknowns.start
+    at = model.predict(values)
+    assert at.solved.tolist() == [row != 5 for row in range(12)]
+    found = model.jacobian(values, at)[at.solved]
+    for i, item in enumerate(model.unknowns.items):
+        apart = one_sided(model, values, i, 1e-4 * item.step)[at.solved]
+        np.testing.assert_allclose(found[:, :, i], apart, rtol=0, atol=2e-3 * np.abs(apart).max())

@@ -292,6 +292,16 @@ def test_displacement_functions_are_not_called_after_the_end() -> None:
 # -- rejected input ----------------------------------------------------------------------------
 
 
+def test_without_friction_all_spans_carry_the_tension() -> None:
+    """Also under tension control alone; NaN beyond a tendon's end."""
+    fields = simulate(RAO, [1, 0, 0, 1, 0, 0], 0.02).to_dataset().isel(time=-1)
+    passes = np.arange(20)[:, None] <= RAO.tendons.end_disk
+    assert (np.isnan(fields.span_tension) == ~passes).all()
+    spread = np.where(passes, fields.tension.values, NAN)
+    np.testing.assert_array_equal(fields.span_tension, spread)
+    assert (fields.slack == 0).all() and float(fields.tendon_displacement[0]) > 0
+
+
 def test_conflicting_displacements() -> None:
     """Three tendons of an inextensible backbone."""
     held = objects(displacements=[0.03] * 3, theory="kirchhoff")

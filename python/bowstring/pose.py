@@ -16,7 +16,7 @@ __all__ = ["Pose"]
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pose(Result):
     """Position and orientation in the base frame.
 

@@ -451,14 +451,15 @@ class Unknowns:
     def _made(self, overrides: Mapping[str, float], angle: Floats, radius: Floats) -> Robot:
         """Make the robot of given overrides; cached, as most differences do not change it."""
         key = *overrides.values(), *angle.tolist(), *radius.tolist()
-        if key not in self._robots:
+        robot = self._robots.get(key)
+        if robot is None:
             robot = self.robot.with_(overrides) if overrides else self.robot
             if angle.any() or (radius != 1.0).any():
                 robot = robot.with_(_moved_holes(robot, angle, radius))
             if len(self._robots) > 8:
                 self._robots.clear()
             self._robots[key] = robot
-        return self._robots[key]
+        return robot
 
     def calibrated(self, values: Floats, *, by_displacement: bool) -> tuple[Robot, tuple[str, ...]]:
         """Return the robot of values (P,) in SI, and the parameters that its drives have.

@@ -125,7 +125,7 @@ class Residuals:
         self._tangent: _Tangent | None = None
         #: Whether derivatives with friction are updated, not renewed, after a step.
         self.corrects = True
-        #: Why the robot refused a step; empty if it refused none.
+        #: Why the robot refused a step of the last descent; empty if it refused none.
         self.refused = ""
 
     @property
@@ -438,6 +438,7 @@ class Search:
     def _descend(self, begin: Floats) -> Any:
         from scipy.optimize import least_squares
 
+        self.work.refused = ""
         low, high = self.work.low, self.work.high
         return least_squares(
             self.residuals,

@@ -35,9 +35,9 @@ Bools = NDArray[np.bool_]
 
 _NO_LOAD: Final = Load()  # only the robot's gravity
 _WEIGHTLESS: Final = Load(gravity=(0.0, 0.0, 0.0))
-#: Step of central differences over natural step of a parameter, and of those of perturbed paths,
-#: which are one-sided.
+#: Step of central differences over natural step of a parameter.
 _SMALL: Final = 1e-3
+#: Step of the one-sided differences of perturbed paths over it.
 _PERTURBATION: Final = 1e-4
 #: Time at rest before a path, s.
 _AT_REST: Final = 1e15
@@ -290,8 +290,8 @@ class TipModel:
         """Derivatives (K, 3 M, P) of the coordinates of the measured points.
 
         Exact by parameters of displacements and tensions, by base, tool and markers, and by E and
-        gravity where all points are on the end disk, unless the robot has a memory; differences by
-        the others, with a memory from perturbed paths.
+        gravity where all points are on the end disk, unless the robot has a memory; by the
+        others from differences: of perturbed paths where the robot has a memory.
         """
         return np.stack([column.whole for column in self._columns(values, at)], axis=-1)
 
@@ -538,29 +538,30 @@ class TipModel:
 
     def _along_paths(self, values: Floats, at: Prediction) -> dict[int, _Column]:
         """Derivatives by all parameters except those of frames, from perturbed paths."""
-        which = np.flatnonzero(~self.of_frames)
-        parts = [p.tolist() for p in np.array_split(which, os.cpu_count() or 1) if p.size]
-        self.solves += len(which) + len(parts)
-        each = _on_threads(lambda part: self._perturbed(part, values, at), parts)
+        moved = [self._perturbed(int(i), values) for i in np.flatnonzero(~self.of_frames)]
+        cores = os.cpu_count() or 1
+        parts = [part for k in range(cores) if (part := moved[k::cores])]
+        self.solves += 1 + len(moved)
+        each = _on_threads(lambda part: self._changes(part, at), parts)
         none = np.zeros(self.commands.values.shape)
         return {i: _Column(change, change, none, none) for part in each for i, change in part}
 
-    def _perturbed(
-        self, which: list[int], values: Floats, at: Prediction
+    def _perturbed(self, i: int, values: Floats) -> tuple[int, Setting, float]:
+        """A parameter, the setting with another value of it, and by how much this is larger."""
+        sides = self._sides(i, values, _PERTURBATION)
+        setting, value = max(sides, key=lambda side: abs(side[1] - values[i]))
+        return i, setting, value - values[i]
+
+    def _changes(
+        self, moved: list[tuple[int, Setting, float]], at: Prediction
     ) -> list[tuple[int, Floats]]:
         """Some parameters, and the derivatives (K, 3 M) by them from one-sided differences."""
-        moved = [self._perturbation(i, values) for i in which]
-        poses = self._follow_perturbed([at.setting, *(setting for setting, _ in moved)])
+        poses = self._follow_perturbed([at.setting, *(setting for _, setting, _ in moved)])
         out = []
-        for i, (setting, value), (position, turned) in zip(which, moved, poses, strict=True):
+        for (i, setting, change), (position, turned) in zip(moved, poses, strict=True):
             other = replace(at, setting=setting, position=position, rotation=turned)
-            out.append((i, (other.coordinates - at.coordinates) / (value - values[i])))
+            out.append((i, (other.coordinates - at.coordinates) / change))
         return out
-
-    def _perturbation(self, i: int, values: Floats) -> tuple[Setting, float]:
-        """Setting with another value of a parameter, and this value."""
-        sides = self._sides(i, values, _PERTURBATION)
-        return max(sides, key=lambda side: abs(side[1] - values[i]))
 
     def _follow_perturbed(self, settings: Sequence[Setting]) -> list[tuple[Floats, Floats]]:
         """Poses (K, M, 3) and (K, M, 3, 3) by all settings but the first, the nominal one."""
@@ -568,6 +569,7 @@ class TipModel:
         below = not self._at_end.all()
         cores = [actuation.Path(s.robot, self.rod, alone=True).core for s in settings]
         given = [self.commands.effective(setting) for setting in settings]
+        names = ["tip_position", "tip_rotation"] + ["disk_positions", "disk_rotations"] * below
         found = []
         for number, rows in enumerate(self.commands.paths):
             steps = [self._steps(number, rows, *each) for each in zip(settings, given, strict=True)]
@@ -576,12 +578,10 @@ class TipModel:
             # a perturbed robot may be viscoelastic where the nominal one is not
             late = next((each for each in durations if each is not None), None)
             cores[0].reset()
-            found.append(
-                cores[0].follow_perturbed(held[0], values[0], _NO_LOAD, below, perturbed, late)
-            )
-        names = ["tip_position", "tip_rotation"] + ["disk_positions", "disk_rotations"] * below
-        each = zip(*found, strict=True)
-        return [self._poses(_joined(at, self.commands.paths, names)) for at in each]
+            each = cores[0].follow_perturbed(held[0], values[0], _NO_LOAD, below, perturbed, late)
+            found.append([{name: at[name] for name in names} for at in each])
+        joined = (_joined(at, self.commands.paths, names) for at in zip(*found, strict=True))
+        return [self._poses(each) for each in joined]
 
     def _home(self, setting: Setting) -> Floats:
         """Unstretched lengths (T,) of the tendons at home, less what clearance takes there, m."""

@@ -118,11 +118,14 @@ class Settings:
 
     @property
     def judged(self) -> str:
-        """Actuated tendons, and of how many combinations none leaves the tolerance earlier."""
+        """Actuated tendons, and of how many combinations none leaves the tolerance earlier, as a
+        share of its range of tension."""
         if self.tried < 2:
             return self.actuated
         alone = self.tried == len(self.shares)
         of = f"{self.tried} {'' if alone else 'combinations of '}tendons"
+        if self.earlier:
+            return f"{self.actuated} (of {of}; another leaves the tolerance earlier from one input)"
         return f"{self.actuated} (no other of {of} leaves the tolerance earlier)"
 
     @property

@@ -158,7 +158,7 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
                 f"most {top} N; degree {fit.degree}, {len(fit.exponents)} terms; --correction "
                 "python, c or matlab writes it as code",
             )
-            if fit.top >= study.settings.max_tension or not corrected.valid_throughout:
+            if not meaning.corrected_serves:
                 continue
         lower = corrected.max_error < 0.9 * meaning.max_error
         if not (meaning.corrected_reaches_farther or lower):

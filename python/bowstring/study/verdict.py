@@ -101,6 +101,8 @@ class Meaning(Range):
     polynomial: TipPolynomial | None
     """The tip as a polynomial; None where the corrected arcs keep within the tolerance, both from
     lengths and from force, and where no polynomial does."""
+    polynomial_to: float | None
+    """Tension of the sweep up to which the polynomial is fitted, N; None without one."""
     answer: Annotated[str, Key()]
     """Whether constant curvature is good enough, in one sentence."""
     text: Annotated[str, Key()]
@@ -110,6 +112,12 @@ class Meaning(Range):
     def corrected_reaches_farther(self) -> bool:
         """Whether the correction raises the validity limit."""
         return (self.corrected.valid_to or 0.0) > (self.valid_to or 0.0)
+
+    @property
+    def corrected_serves(self) -> bool:
+        """Whether the corrected arc holds over the whole sweep, farther than the polynomial."""
+        end = self.corrected.valid_to or 0.0
+        return self.corrected.valid_throughout and (self.polynomial_to or 0.0) < 0.999 * end
 
     @property
     def cause(self) -> Annotated[str | None, Key("dominant_cause")]:
@@ -197,8 +205,10 @@ def judge(
     if without_closed_form(model.robot) or not arcs_serve:
         fits = tip_polynomials(model, load * max_tension, tolerance * model.length)
     with_fits = zip(meanings, fits or [None] * len(meanings), strict=True)
-    meanings = tuple(replace(m, polynomial=fit) for m, fit in with_fits)
-    meanings = tuple(replace(m, answer=_answer(m, max_tension, load)) for m in meanings)
+    meanings = tuple(
+        replace(m, polynomial=fit, polynomial_to=fit and fit.top / load) for m, fit in with_fits
+    )
+    meanings = tuple(replace(m, answer=_answer(m, max_tension)) for m in meanings)
     return Verdict(
         tolerance=tolerance,
         tolerance_length=tolerance * model.length,
@@ -271,6 +281,7 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
         shares=shares,
         corrected=_range(model, CORRECTED[name], case, tension, limit),
         polynomial=None,
+        polynomial_to=None,
         answer="",
         text="",
     )
@@ -323,7 +334,7 @@ def shares_of(model: Model, name: str, tension: float) -> tuple[Share, ...]:
 # -- in words ----------------------------------------------------------------------------------
 
 
-def _answer(m: Meaning, top: float, load: float) -> str:
+def _answer(m: Meaning, top: float) -> str:
     """Whether constant curvature is good enough, in one sentence."""
     source = {"cc_from_lengths": "From true tendon lengths", "cc_from_force": "From force"}[m.name]
     if not math.isfinite(m.max_error):
@@ -337,9 +348,9 @@ def _answer(m: Meaning, top: float, load: float) -> str:
         part = "because it ignores that" if m.dominant_cause else "in part because it ignores that"
         named = [s for s in m.shares if s.share > 0.5 * cause.share]
         words += f", {part} {listed([EFFECTS[s.effect].because for s in named])}"
-    fit = m.polynomial
-    if fit is not None and fit.top / load > (m.valid_to or 0.0):
-        end, error = fit.top / load, in_mm(fit.max_error)
+    fit, end = m.polynomial, m.polynomial_to or 0.0
+    if fit is not None and end > (m.valid_to or 0.0) and not m.corrected_serves:
+        error = in_mm(fit.max_error)
         yes = "yes, " if math.isclose(end, top) else ""
         words += f"; by a polynomial: {yes}up to {significant(end)} N (largest error {error})"
     elif m.corrected_reaches_farther:

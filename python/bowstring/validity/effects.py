@@ -51,7 +51,7 @@ class Effect:
     acts: Callable[[Rods], bool]
     """Whether it acts in any of the rods."""
     because: str = ""
-    """Clause that says why constant curvature errs by it."""
+    """Clause on what constant curvature ignores."""
 
 
 def _spans(rods: Rods) -> bool:

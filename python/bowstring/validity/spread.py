@@ -412,7 +412,11 @@ def sampled(
         top = min(top, _MARGIN * largest)
 
     def results(samples: Floats) -> Floats:
-        rods = replace(_rods(robot, load, joint.by_path(samples)), model=theory)
+        try:
+            rods = replace(_rods(robot, load, joint.by_path(samples)), model=theory)
+        except InputError as error:
+            text = f"samples reach a robot that is refused: {error}"
+            raise InputError(text, argument=error.argument) from error
         found = ramps(rods, top)
         columns = []
         for name in names:
@@ -422,12 +426,9 @@ def sampled(
 
     design = SaltelliDesign(joint, points)
     report = progress or (lambda what, done: None)
-    try:
-        outputs = evaluate(
-            results, design, rows=_BLOCK, progress=lambda done: report("samples", 0.9 * done)
-        )
-    except InputError as error:
-        raise InputError(f"samples reach a robot that is refused: {error}") from error
+    outputs = evaluate(
+        results, design, rows=_BLOCK, progress=lambda done: report("samples", 0.9 * done)
+    )
     report("indices", 0.9)
     by_name = dict(zip(names, np.split(outputs, len(names), axis=1), strict=True))
 

@@ -162,7 +162,7 @@ impl PathStep {
             let largest = if self.transmission.unknowns.is_empty() {
                 rod.newton_step(rod.has_potential()).largest
             } else {
-                if !self.transmission.solve_perturbed(rod, old) {
+                if !self.transmission.solve_kept(rod, old) {
                     break;
                 }
                 rod.combine(self.transmission.coefficients())

@@ -127,16 +127,14 @@ impl Friction {
             for k in 0..=tendons.routing.ends[i] {
                 let at = k * m + i;
                 self.bounds[at] = tendons.lines[i].friction_bound(k, rod.angles()[at]);
-                if tendons.now.slip[at] == Slip::Sticks {
-                    continue;
-                }
-                tendons.now.drops[at] = if drops[at] == nominal.bounds[at] {
-                    self.bounds[at]
-                } else if drops[at] == -nominal.bounds[at] {
-                    -self.bounds[at]
-                } else {
+                let bound = self.bounds[at];
+                tendons.now.drops[at] = match tendons.now.slip[at] {
+                    Slip::Sticks => continue,
+                    Slip::Away => -bound,
+                    _ if drops[at] == nominal.bounds[at] => bound,
+                    _ if drops[at] == -nominal.bounds[at] => -bound,
                     // the motor does not move
-                    old.drops[at]
+                    _ => old.drops[at],
                 };
             }
             tendons.carry(i);

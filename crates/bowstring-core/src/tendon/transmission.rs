@@ -56,7 +56,7 @@ impl Transmission {
 
     /// Solves for the unknowns of a perturbed path, with the columns of the nominal rod: holes that
     /// stick and tendons that are slack stay so. Returns whether there is a solution.
-    pub fn solve_perturbed(&mut self, rod: &mut dyn RoutedRod, old: &History) -> bool {
+    pub fn solve_kept(&mut self, rod: &mut dyn RoutedRod, old: &History) -> bool {
         self.gather(rod, old, 0.0, true);
         self.unknowns.keep_slack(&self.tendons);
         self.unknowns.problem.solve()

@@ -314,8 +314,8 @@ pub fn place(modules: impl IntoIterator<Item = [f64; 3]>, arc_length: f64) -> Pl
 pub struct Robot {
     spec: RobotSpec,
     pub(crate) modules: Vec<Module>,
-    /// Mass of each disk, and what the backbone in its clamps weighs more than by the mean mass per
-    /// length of the modules, which all else takes for the clamps too (kg).
+    /// Mass of each disk (kg), and what the backbone in its clamps weighs beyond the mean mass per
+    /// length of its module, which all else takes for the clamps too.
     pub(crate) disk_mass: Vec<f64>,
 }
 
@@ -583,6 +583,7 @@ impl Robot {
             (first, start) = (next, station);
         }
     }
+    /// Adds to each disk what the backbone in its clamps weighs beyond that mean.
     fn weigh_clamps(&mut self) {
         for k in 0..self.modules.len() {
             let [[start, _], [end, _]] = self.clamp_excess(k);

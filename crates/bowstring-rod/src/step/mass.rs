@@ -131,7 +131,7 @@ pub(super) fn wide<T: Real>(v: Vec3) -> Vec3<T> {
 
 impl<L: Layout, const A: usize> LumpedMass<L, A> {
     /// Lumps the mass by Simpson's rule over each pair of arcs. A clamp has the mean mass per length of
-    /// the flexible part, and the disk the rest. Its mass, and that of the node where it begins, is
+    /// the flexible part, and the disk the rest. The clamp's mass, and that of the node where it begins, is
     /// added to the clamp's disk, to which it is rigidly connected; its second moment is added to
     /// the director along the axis. Its first moment is zero where both sides of a disk are equal.
     /// Elsewhere, as at the last disk, it is neglected: it would couple points with directors, and

@@ -3,7 +3,7 @@
 Results declare their keys themselves (`bowstring.results`). What a command adds to them, and
 objects whose keys depend on the data, are typed dictionaries: key, type, meaning, and unit where
 the key does not end in it. Tests hold to both what is printed, and ``docs/reference/json.md`` is
-made from them. No command imports this package.
+made from them. Commands import it for type checks alone.
 """
 
 from __future__ import annotations

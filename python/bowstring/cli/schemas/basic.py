@@ -10,22 +10,18 @@ from bowstring.results import Object, OrNull, about
 
 __all__ = [
     "InFolder",
-    "Interval",
     "MadeBy",
     "MadeByRobot",
     "OfRobot",
     "Pair",
-    "Rotation",
     "Vector",
     "VectorOrNull",
 ]
 
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
-Interval = Annotated[list[OrNull], Field(min_length=2, max_length=2)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 VectorOrNull = Annotated[list[OrNull], Field(min_length=3, max_length=3)]
-Rotation = Annotated[list[Vector], Field(min_length=3, max_length=3)]
 
 
 class MadeBy(Object):

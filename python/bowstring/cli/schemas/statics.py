@@ -14,8 +14,9 @@ from bowstring.statics.solution import Solution
 
 __all__ = [
     "Arc",
+    "CorrectedPoint",
+    "FittedArc",
     "Fk",
-    "Pose",
     "Solve",
 ]
 
