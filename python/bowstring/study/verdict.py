@@ -206,7 +206,8 @@ def judge(
         fits = tip_polynomials(model, load * max_tension, tolerance * model.length)
     with_fits = zip(meanings, fits or [None] * len(meanings), strict=True)
     meanings = tuple(
-        replace(m, polynomial=fit, polynomial_to=fit and fit.top / load) for m, fit in with_fits
+        replace(m, polynomial=fit, polynomial_to=None if fit is None else fit.top / load)
+        for m, fit in with_fits
     )
     meanings = tuple(replace(m, answer=_answer(m, max_tension)) for m in meanings)
     return Verdict(

@@ -414,9 +414,9 @@ def sampled(
     def results(samples: Floats) -> Floats:
         try:
             rods = replace(_rods(robot, load, joint.by_path(samples)), model=theory)
-        except InputError as error:
-            text = f"samples reach a robot that is refused: {error}"
-            raise InputError(text, argument=error.argument) from error
+        except InputError as refusal:
+            text = f"samples reach a robot that is refused: {refusal}"
+            raise InputError(text, argument=refusal.argument) from refusal
         found = ramps(rods, top)
         columns = []
         for name in names:
