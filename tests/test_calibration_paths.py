@@ -127,14 +127,13 @@ def test_derivatives_with_inextensible_tendons_and_a_tension(
 def test_derivatives_beside_a_row_without_equilibrium() -> None:
     """The rows after it are as beside whole paths, and time passes in it."""
     robot, fitted = with_law("friction and relaxation")
-    rows = made_up_displacements(12)
-    rows[5] = 0.05  # no backbone is compressed by as much
+    rows = made_up_displacements(8)
+    rows[3] = 0.05  # no backbone is compressed by as much
     commands = Commands(np.ones(rows.shape, bool), rows, np.linspace(0.0, 20.0, len(rows)))
-    model = TipModel(Unknowns(robot, fitted), commands, RodModel(), (29,))
+    model = TipModel(Unknowns(robot, fitted[1:]), commands, RodModel(), (29,))
     values = model.unknowns.start
     at = model.predict(values)
-    assert at.solved.tolist() == [row != 5 for row in range(12)]
-    found = model.jacobian(values, at)[at.solved]
-    for i, item in enumerate(model.unknowns.items):
-        apart = one_sided(model, values, i, 1e-4 * item.step)[at.solved]
-        np.testing.assert_allclose(found[:, :, i], apart, rtol=0, atol=2e-3 * np.abs(apart).max())
+    assert at.solved.tolist() == [row != 3 for row in range(8)]
+    found = model.jacobian(values, at)[at.solved, :, 0]
+    apart = one_sided(model, values, 0, 1e-4 * model.unknowns.items[0].step)[at.solved]
+    np.testing.assert_allclose(found, apart, rtol=0, atol=2e-3 * np.abs(apart).max())
