@@ -585,6 +585,9 @@ impl Robot {
     }
     /// Adds to each disk what the backbone in its clamps weighs beyond that mean.
     fn weigh_clamps(&mut self) {
+        if !self.has_taper() {
+            return;
+        }
         for k in 0..self.modules.len() {
             let [[start, _], [end, _]] = self.clamp_excess(k);
             if k > 0 {
