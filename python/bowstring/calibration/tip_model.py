@@ -548,9 +548,11 @@ class TipModel:
 
     def _perturbed(self, i: int, values: Floats) -> tuple[int, Setting, float]:
         """A parameter, the setting with another value of it, and by how much this is larger."""
-        sides = self._sides(i, values, _PERTURBATION)
-        setting, value = max(sides, key=lambda side: abs(side[1] - values[i]))
-        return i, setting, value - values[i]
+        side = self._side(i, values, _PERTURBATION)
+        if side[1] - values[i] < 0.5 * _PERTURBATION * self.unknowns.items[i].step:  # at a limit
+            below = self._side(i, values, -_PERTURBATION)
+            side = max(side, below, key=lambda each: abs(each[1] - values[i]))
+        return i, side[0], side[1] - values[i]
 
     def _changes(
         self, moved: list[tuple[int, Setting, float]], at: Prediction
@@ -610,17 +612,16 @@ class TipModel:
 
     def _sides(self, i: int, values: Floats, small: float) -> list[tuple[Setting, float]]:
         """Settings with a larger and a smaller value of a parameter, and these values."""
-        item = self.unknowns.items[i]
-        sides = []
-        for sign in (1.0, -1.0):
-            moved = values.copy()
-            moved[i] = np.clip(values[i] + sign * small * item.step, item.low, item.high)
-            try:
-                setting = self.unknowns.setting(moved)
-            except BowstringError:  # the robot is invalid on one side
-                moved, setting = values, self.unknowns.setting(values)
-            sides.append((setting, float(moved[i])))
-        return sides
+        return [self._side(i, values, change) for change in (small, -small)]
+
+    def _side(self, i: int, values: Floats, change: float) -> tuple[Setting, float]:
+        """Setting with a parameter changed by a part of its natural step, and its value."""
+        item, moved = self.unknowns.items[i], values.copy()
+        moved[i] = np.clip(values[i] + change * item.step, item.low, item.high)
+        try:
+            return self.unknowns.setting(moved), float(moved[i])
+        except BowstringError:  # the robot is invalid on this side
+            return self.unknowns.setting(values), float(values[i])
 
 
 def _on_threads(task: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
