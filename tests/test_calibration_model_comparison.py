@@ -239,7 +239,7 @@ def test_bad_input_is_refused_before_work(robot: Robot, monkeypatch: pytest.Monk
     def never(*given: Any, **named: Any) -> None:
         raise AssertionError("work has begun")
 
-    monkeypatch.setattr("bowstring.calibration.model_comparison.fit", never)
+    monkeypatch.setattr("bowstring.calibration.model_comparison.fit_from", never)
     data = table(False, "none", 1, 40)
 
     def refused(

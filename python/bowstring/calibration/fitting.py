@@ -179,8 +179,8 @@ class Fit(EndOfFit):
     linear: Linear
     """Linearised fit at its minimum, for `bowstring.calibration.bootstrap.refitted`."""
     again: Callable[..., Fit]
-    """Fits the same to other measurements: ``again(data, rows=...)`` is `fit` with all other
-    arguments as they were given, unless they are given anew."""
+    """Fits the same to other measurements: ``again(data=..., rows=...)`` is `fit_from` with all
+    other arguments as they were given, unless they are given anew."""
     _unknowns: Unknowns
     _commands: Commands
     _values: Floats
@@ -419,9 +419,33 @@ def fit(
     1981, 7.6), with any errors within a row, and independent rows. The estimates weight all points
     of a row alike. With priors they are those of the posterior, theory Eqs 7.3 to 7.5.
     """
+    return fit_from(
+        [start or {}], robot, data, parameters, model=model, rows=rows, loss=loss, priors=priors
+    )
+
+
+def fit_from(
+    starts: Sequence[Mapping[str, float]],
+    robot: Robot,
+    data: Measured,
+    parameters: Sequence[str],
+    *,
+    model: RodModel | Literal["arc"] | None = None,
+    rows: ArrayLike | None = None,
+    loss: Loss = "soft_l1",
+    priors: PriorChoice = None,
+    near: float | None = None,
+) -> Fit:
+    """Fit as `fit`, from the best of several starts after a rough descent from each.
+
+    The starts have the same names, and differ in values of fitted parameters only. Some may fail,
+    as a play larger than all bends has no effect; the last error is raised if all do. `near` is the
+    noise (m) by a fit to nearly the same rows, which this one is to predict.
+    """
+    start, others = starts[0], starts[1:]
     rod = checked_model(robot, model, loss)
     said = dict(zip(("tool.x", "tool.y", "tool.z"), observations.tool(data).tolist(), strict=True))
-    begin = {name: value for name, value in said.items() if value} | dict(start or {})
+    begin = {name: value for name, value in said.items() if value} | dict(start)
     by_tension = observations.commands(data, robot).are_tensions
     unknowns = Unknowns(robot, parameters, begin, by_tension=by_tension)
     if not unknowns.items:
@@ -452,21 +476,33 @@ def fit(
     work = Residuals(
         model_of_points, points.measured, used, sigma, prior, getattr(data, "line", None)
     )
-    first = work.begin(start or {})
-    work.take(first)
-    if rod is not None and commands.by_displacement.any() and work.has_friction(first):
-        of_others = {k: v for k, v in deviations.items() if not k.endswith(".friction")}
-        again = partial(fit, data=data, rows=rows, loss=loss, model=rod, priors=of_others)
-        first = _from_frictionless(work, first, robot, start or {}, again)
-    work.refuse_without_effect(first)
-    search = Search(work, loss, observations.groups(data, len(commands)))
-    found = search.run(first)
-    own = {*unknowns.names, *(start or {})}
+    search = Search(work, loss, observations.groups(data, len(commands)), near)
+    of_others = {k: v for k, v in deviations.items() if not k.endswith(".friction")}
+    again = partial(fit, data=data, rows=rows, loss=loss, model=rod, priors=of_others)
+    values = [unknowns.start]
+    for one in others:
+        values.append(Unknowns(robot, parameters, begin | dict(one), by_tension=by_tension).start)
+    ends, errors = [], []
+    for each, one in zip(values, starts, strict=True):
+        try:
+            first = work.begin(each, one)
+            work.take(first)
+            if rod is not None and commands.by_displacement.any() and work.has_friction(first):
+                first = _from_frictionless(work, first, robot, one, again)
+            work.refuse_without_effect(first)
+            ends.append((search.begin(first), work.before))
+        except BowstringError as error:
+            errors.append(error)
+    if not ends:
+        raise errors[-1]
+    rough, work.before = min(ends, key=lambda end: end[0].cost / end[0].fun.size)
+    work.take(rough.x)
+    found = search.run(rough)
+    own = {*unknowns.names, *start}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
     part = parts(data, commands.values, used, _BLOCKS)
-    same = partial(
-        fit, robot, parameters=parameters, model=model, start=start, loss=loss, priors=priors
-    )
+    given: dict[str, Any] = {"model": model, "loss": loss, "priors": priors}
+    same = partial(fit_from, starts=[start], robot=robot, parameters=parameters, **given)
     return _result(search, found, tool_said, points, part, same)
 
 
@@ -792,7 +828,7 @@ def _message(
             "Not converged: the error falls towards values that the robot refuses "
             f"({work.refused}). Check the robot file, or fit other parameters."
         ]
-    elif stuck:
+    elif stuck and found.status > 0:
         said = [
             "Not converged: the derivatives promise a lower error, and no step has it: begin from "
             "better values, or with fewer parameters."

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Annotated, Any, Final, Literal, cast
 
 import numpy as np
@@ -17,7 +16,7 @@ from bowstring import interrupts
 from bowstring.calibration import observations
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.error_parts import ErrorParts, noise_of, parts_of
-from bowstring.calibration.fitting import Estimate, Fit, fit
+from bowstring.calibration.fitting import Estimate, Fit, fit_from
 from bowstring.calibration.folds import part_of_rows
 from bowstring.calibration.memories import (
     MEMORIES,
@@ -519,8 +518,7 @@ class _Work:
         priors = {name: value for name, value in own.items() if name in names}
         kind: Literal["arc"] | None = "arc" if model.arcs else None
         options: Any = {"model": kind, "loss": self.loss, "priors": priors}
-        begin = partial(fit, self.robot, self.data, model.parameters, **options)
-        found = _best(begin, model.starts)
+        found = fit_from(model.starts, self.robot, self.data, model.parameters, **options)
         why = "" if found.converged else found.message.partition(". ")[0]
         if model.added and (why := why or self._no_effect(found, model)):
             return JudgedModel(model.name, model.parameters, found, reason=why)
@@ -579,22 +577,6 @@ class _Work:
         said: dict[str, Any] = dict(zip(("tool.x", "tool.y", "tool.z"), table.tool, strict=True))
         commands = observations.commands(table, self.robot)
         return model_points(self.robot, said, commands, None if model.arcs else RodModel())
-
-
-def _best(begin: Callable[..., Fit], starts: Sequence[Mapping[str, float]]) -> Fit:
-    """Fit from each start, and return the converged one with the least error.
-
-    Starts may fail, as a play larger than all bends has no effect; the last error is raised if all
-    do.
-    """
-    found: list[Fit] = []
-    for k, start in enumerate(starts):
-        try:
-            found.append(begin(start=start))
-        except BowstringError:
-            if k == len(starts) - 1 and not found:
-                raise
-    return min(found, key=lambda one: (not one.converged, one.score.mean))
 
 
 def _foldable(data: Measurements, used: NDArray[np.bool_], folds: int) -> Measurements:

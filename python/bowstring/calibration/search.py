@@ -31,7 +31,12 @@ Bools = NDArray[np.bool_]
 _TURN: Final = 2.0
 #: Such a residual over the last one at which a fit is repeated.
 _LOWER: Final = 0.8
-_EVALUATIONS: Final = 100
+_EVALUATIONS: Final = 50
+#: Relative tolerances of cost and parameters until the scales are known, then, and of a fit that
+#: predicts rows left out: 1e-4 of the cost is far below the standard error of their errors.
+_ROUGH: Final = 1e-3
+_FINE: Final = 1e-6
+_NEAR: Final = 1e-4
 _RESCALES: Final = 10
 #: Relative change of the noise below which the weight of the priors is kept.
 _SAME_NOISE: Final = 0.03
@@ -152,9 +157,8 @@ class Residuals:
         """Number of rows to fit that have no equilibrium and are left out."""
         return int((self.asked & ~self.used).sum())
 
-    def begin(self, start: Mapping[str, float]) -> Floats:
-        """Initial scaled values, with a registered base."""
-        values = self.model.unknowns.start.copy()
+    def begin(self, values: Floats, start: Mapping[str, float]) -> Floats:
+        """Initial scaled values from those in SI, with a registered base."""
         at = self.model.predict(values)
         placed = values.copy()
         self._align(placed, at, start)
@@ -332,11 +336,14 @@ class Residuals:
 class Search:
     """Search for the lowest minimum of a fit, with the scales of loss and priors.
 
-    Residuals of the priors stand behind those of the data.
+    Residuals of the priors stand behind those of the data. `near` is the noise (m) by a fit to
+    nearly the same rows: such a fit begins with its scale and ends earlier.
     """
 
-    def __init__(self, work: Residuals, loss: Loss, group: NDArray[Any]) -> None:
-        self.work, self.loss, self.group = work, loss, group
+    def __init__(
+        self, work: Residuals, loss: Loss, group: NDArray[Any], near: float | None = None
+    ) -> None:
+        self.work, self.loss, self.group, self.near = work, loss, group, near
         #: Residual at which a robust loss turns linear, mm; infinite for the quadratic loss.
         self.turn = np.inf
         #: Standard deviation of a residual by which the priors are weighted, mm.
@@ -344,18 +351,22 @@ class Search:
         self.options: dict[str, Any] = {}
         self._land: tuple[object, Landscape | None] | None = None
 
-    def run(self, first: Floats) -> Any:
+    def begin(self, first: Floats) -> Any:
+        """Descend roughly, with scales of the first start, which come down."""
+        if not self.options:
+            now = max(spread(self.work.residuals(first), 0), 1e3 * EXACT)
+            if self.work.priors.known.any():
+                self.noise = now
+            if self.loss != "linear" and self.near is not None and now < 1e3 * self.near / _LOWER:
+                self.turn = _TURN * now
+            self.options = {"ftol": _ROUGH, "xtol": _ROUGH, "max_nfev": _EVALUATIONS}
+        return self._descend(first)
+
+    def run(self, found: Any) -> Any:
         """Return the result of `scipy.optimize.least_squares` at the lowest minimum."""
-        fine = {"ftol": 1e-6, "xtol": 1e-6, "max_nfev": _EVALUATIONS}
-        weighted = bool(self.work.priors.known.any())
-        if self.loss == "linear" and not weighted:
-            self.options = fine
-            return self._settled(self._lowest(self._descend(first)))
-        fine["max_nfev"] = _EVALUATIONS // 2
-        self.options = {**fine, "ftol": 1e-3, "xtol": 1e-3}
-        if weighted:  # from the nominal robot the noise comes down
-            self.noise = max(spread(self.work.residuals(first), 0), 1e3 * EXACT)
-        found = self._settled(self._lowest(self._descend(first)))
+        tolerance = _FINE if self.near is None else _NEAR
+        fine = {**self.options, "ftol": tolerance, "xtol": tolerance}
+        found = self._settled(self._lowest(found))
         for _ in range(_RESCALES):  # outliers may widen the scale at first
             if not self._rescale(found) and self.options is fine:
                 break
