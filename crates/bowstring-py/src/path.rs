@@ -179,7 +179,7 @@ impl PathSolver {
     }
 
     /// Many steps of this path, and of perturbed ones beside it with their own commands; returns
-    /// those of the perturbed paths, whose solvers stay as they are. The rest as for `follow`.
+    /// the former and then the latter, whose solvers stay as they are. The rest as for `follow`.
     #[allow(clippy::too_many_arguments)]
     #[pyo3(signature = (by_displacement, commands, load, disks, perturbed, durations=None))]
     fn follow_perturbed<'py>(
@@ -199,7 +199,7 @@ impl PathSolver {
         if differs(&commands) || perturbed.iter().any(|(_, rows)| differs(rows)) {
             return Err(refused(SHAPES));
         }
-        check_path_rows(core, shape[0] * perturbed.len(), disks)?;
+        check_path_rows(core, shape[0] * (1 + perturbed.len()), disks)?;
         let durations = durations_of(durations, shape[0])?;
         let by_displacement = flat(&by_displacement);
         let steps = |loads| Steps {

@@ -200,6 +200,8 @@ class Prediction:
         Disks of the measured points, from 0; empty for the end disk alone.
     columns : list
         Derivatives by each parameter, computed on demand.
+    along : dict of ndarray (K, 3 M) or None
+        Derivatives by parameters from perturbed paths.
     """
 
     position: Floats
@@ -211,6 +213,7 @@ class Prediction:
     slack: Floats | None = None
     disks: tuple[int, ...] = ()
     columns: list[_Column] = field(default_factory=list, repr=False)
+    along: dict[int, Floats] | None = None
 
     @cached_property
     def exact(self) -> _Exact | None:
@@ -281,6 +284,8 @@ class TipModel:
         """
         setting = self.unknowns.setting(values)
         given = self.commands.effective(setting)
+        if self.rod is not None and keep and self._are_cheap(setting):
+            return self._along_paths(values, setting)
         self.solves += 1
         if self.rod is None:
             return self._arcs(setting, given)
@@ -342,10 +347,19 @@ class TipModel:
     def _columns(self, values: Floats, at: Prediction) -> list[_Column]:
         """Derivatives by each parameter, stored in the prediction."""
         if not at.columns:
+            known = at.along or {}
             memory = self.rod is not None and at.setting.robot.has_memory
-            known = self._along_paths(values, at) if memory else {}
+            if memory and at.along is None and not self.of_frames.all():
+                known = self._along_paths(values, at.setting).along or {}
+            none = np.zeros(self.commands.values.shape)
             for i in range(len(values)):
-                at.columns.append(known[i] if i in known else self._column(i, values, at))
+                change = known.get(i)
+                column = (
+                    self._column(i, values, at)
+                    if change is None
+                    else _Column(change, change, none, none)
+                )
+                at.columns.append(column)
         return at.columns
 
     # -- the models --------------------------------------------------------------------------
@@ -419,6 +433,9 @@ class TipModel:
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
         """Predict by the rod in rows, with a memory along each path from the home pose."""
         at = self._follow(core, setting, given, disks=not self._at_end.all())
+        return self._of_rows(setting, at)
+
+    def _of_rows(self, setting: Setting, at: Mapping[str, Any]) -> Prediction:
         return Prediction(
             *self._poses(at),
             at["converged"],
@@ -435,14 +452,12 @@ class TipModel:
         robot = setting.robot
         paths = self.commands.paths if robot.has_memory else [np.arange(len(given))]
         threads = None if robot.has_memory else 0
-        names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]
-        names += ["disk_positions", "disk_rotations"] * disks
         found = []
         for number, rows in enumerate(paths):
             core.reset()
             held, values, late = self._steps(number, rows, setting, given)
             found.append(core.follow(held, values, _NO_LOAD, disks, threads, late))
-        return _joined(found, paths, names)
+        return _joined(found, paths, disks=disks)
 
     def _steps(
         self, number: int, rows: NDArray[np.int64], setting: Setting, given: Floats
@@ -536,15 +551,26 @@ class TipModel:
         slack = slack - np.einsum("kst,kt->ks", exact.slack_by_tension, tensions)
         return _Column(whole, whole - by_tensions, np.where(by_displacement, slack, 0.0), forced)
 
-    def _along_paths(self, values: Floats, at: Prediction) -> dict[int, _Column]:
-        """Derivatives by all parameters except those of frames, from perturbed paths."""
+    def _are_cheap(self, setting: Setting) -> bool:
+        """Whether derivatives along paths take less time with a prediction than after it.
+
+        With friction most of them are not needed (`bowstring.calibration.search.Residuals`).
+        """
+        robot, count = setting.robot, int((~self.of_frames).sum())
+        return (
+            robot.has_memory and not robot.has_friction and 0 < count <= 2 * (os.cpu_count() or 1)
+        )
+
+    def _along_paths(self, values: Floats, setting: Setting) -> Prediction:
+        """Predict with derivatives by all parameters except those of frames."""
         moved = [self._perturbed(int(i), values) for i in np.flatnonzero(~self.of_frames)]
         cores = os.cpu_count() or 1
         parts = [part for k in range(cores) if (part := moved[k::cores])]
         self.solves += 1 + len(moved)
-        each = _on_threads(lambda part: self._changes(part, at), parts)
-        none = np.zeros(self.commands.values.shape)
-        return {i: _Column(change, change, none, none) for part in each for i, change in part}
+        each = _on_threads(lambda part: self._changes(part, setting), parts)
+        along = {i: change for part in each for i, change in part[1]}
+        at: Prediction = each[0][0]
+        return replace(at, along=along)
 
     def _perturbed(self, i: int, values: Floats) -> tuple[int, Setting, float]:
         """A parameter, the setting with another value of it, and by how much this is larger."""
@@ -555,23 +581,23 @@ class TipModel:
         return i, side[0], side[1] - values[i]
 
     def _changes(
-        self, moved: list[tuple[int, Setting, float]], at: Prediction
-    ) -> list[tuple[int, Floats]]:
-        """Some parameters, and the derivatives (K, 3 M) by them from one-sided differences."""
-        poses = self._follow_perturbed([at.setting, *(setting for _, setting, _ in moved)])
-        out = []
-        for (i, setting, change), (position, turned) in zip(moved, poses, strict=True):
-            other = replace(at, setting=setting, position=position, rotation=turned)
-            out.append((i, (other.coordinates - at.coordinates) / change))
-        return out
+        self, moved: list[tuple[int, Setting, float]], setting: Setting
+    ) -> tuple[Prediction, list[tuple[int, Floats]]]:
+        """Prediction, some parameters, and derivatives (K, 3 M) from one-sided differences."""
+        settings = [setting, *(each for _, each, _ in moved)]
+        paths = zip(settings, self._follow_perturbed(settings), strict=True)
+        at, *others = [self._of_rows(*each) for each in paths]
+        changes = [
+            (o.coordinates - at.coordinates) / m[2] for o, m in zip(others, moved, strict=True)
+        ]
+        return at, [(i, change) for (i, _, _), change in zip(moved, changes, strict=True)]
 
-    def _follow_perturbed(self, settings: Sequence[Setting]) -> list[tuple[Floats, Floats]]:
-        """Poses (K, M, 3) and (K, M, 3, 3) by all settings but the first, the nominal one."""
+    def _follow_perturbed(self, settings: Sequence[Setting]) -> list[dict[str, Floats]]:
+        """Arrays of all rows by each setting, of which the first is the nominal one."""
         assert self.rod is not None
         below = not self._at_end.all()
         cores = [actuation.Path(s.robot, self.rod, alone=True).core for s in settings]
         given = [self.commands.effective(setting) for setting in settings]
-        names = ["tip_position", "tip_rotation"] + ["disk_positions", "disk_rotations"] * below
         found = []
         for number, rows in enumerate(self.commands.paths):
             steps = [self._steps(number, rows, *each) for each in zip(settings, given, strict=True)]
@@ -580,10 +606,11 @@ class TipModel:
             # a perturbed robot may be viscoelastic where the nominal one is not
             late = next((each for each in durations if each is not None), None)
             cores[0].reset()
-            each = cores[0].follow_perturbed(held[0], values[0], _NO_LOAD, below, perturbed, late)
-            found.append([{name: at[name] for name in names} for at in each])
-        joined = (_joined(at, self.commands.paths, names) for at in zip(*found, strict=True))
-        return [self._poses(each) for each in joined]
+            found.append(
+                cores[0].follow_perturbed(held[0], values[0], _NO_LOAD, below, perturbed, late)
+            )
+        paths = self.commands.paths
+        return [_joined(each, paths, disks=below) for each in zip(*found, strict=True)]
 
     def _home(self, setting: Setting) -> Floats:
         """Unstretched lengths (T,) of the tendons at home, less what clearance takes there, m."""
@@ -672,9 +699,11 @@ def _bends_of_tendons(robot: Robot, rotations: Floats) -> Floats:
 
 
 def _joined(
-    found: Sequence[Mapping[str, Floats]], paths: list[NDArray[np.int64]], names: Sequence[str]
+    found: Sequence[Mapping[str, Floats]], paths: list[NDArray[np.int64]], *, disks: bool
 ) -> dict[str, Floats]:
     """Arrays of all rows from those of each path, without a row before the first one."""
+    names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]
+    names += ["disk_positions", "disk_rotations"] * disks
     back = np.argsort(np.concatenate(paths))
 
     def rows(name: str) -> Floats:

@@ -175,7 +175,8 @@ pub fn solve_each(
 }
 
 /// Follows a path, and perturbed ones beside it along their own rows, each from its present state;
-/// returns the solutions of the perturbed paths. They have none where the nominal path has none.
+/// returns the solutions of the path and those of the perturbed ones, which have none where the
+/// path has none.
 ///
 /// # Errors
 /// As [`follow`], or if the paths do not fit into memory.
@@ -187,31 +188,37 @@ pub fn follow_perturbed(
 ) -> Result<Vec<PathSolutions>, InputError> {
     rows.check(path)?;
     path.check_copies(1 + perturbed.len())?;
-    let (count, m) = (rows.loads.count, path.robot().tendon_count());
-    let mut solutions = Vec::with_capacity(perturbed.len());
+    let count = rows.loads.count;
+    let mut solutions = vec![PathSolutions::pending(path.robot(), count, disks)?];
     for (own, steps) in perturbed.iter_mut() {
         steps.check(own)?;
         solutions.push(PathSolutions::pending(own.robot(), count, disks)?);
     }
-    let mut parts: Vec<_> = solutions
+    let mut parts = solutions
         .iter_mut()
-        .flat_map(|each| each.parts(path.robot(), count.max(1)))
-        .collect();
+        .flat_map(|each| each.parts(path.robot(), count.max(1)));
+    let Some(mut nominal) = parts.next() else {
+        return Ok(solutions); // no rows
+    };
+    let mut parts: Vec<_> = parts.collect();
     for i in 0..count {
         if interrupt::interrupted() {
             break;
         }
         let old = path.history().clone();
-        let (commands, load) = rows.row(i, m);
-        path.set_duration(rows.duration(i))?;
-        let nominal = path.step(&commands, &load)?;
-        if nominal.status == Status::Converged {
+        let mut increments = 1;
+        let status = nominal.step_by(i, rows, path, |path, commands, load| {
+            let found = path.step(commands, load)?;
+            increments = found.increments;
+            Ok(found)
+        });
+        if status == Status::Converged {
             path.last.linearise(&old);
         }
         for ((own, steps), part) in perturbed.iter_mut().zip(&mut parts) {
-            if nominal.status != Status::Converged {
+            if status != Status::Converged {
                 own.wait(steps.duration(i));
-            } else if nominal.increments > 1 {
+            } else if increments > 1 {
                 // the tangent is that of the last increment
                 part.step(i, steps, own);
             } else {
