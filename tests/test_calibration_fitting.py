@@ -22,6 +22,7 @@ from bowstring.calibration.tip_model import TipModel, _play
 from bowstring.constant_curvature import RobotArcs
 from bowstring.data import synthetic as bench
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.paths import find
 from bowstring.statics.actuation import delayed
 from objects import refused
 
@@ -383,6 +384,14 @@ def test_the_tendons_of_a_list_share_a_parameter():
     assert one[0].paths == every[0].paths and len(one[0].paths) == 6
 
 
+@pytest.mark.parametrize(
+    "name", ["E", "backbone.E", "mount_compliance", "tendons.friction", "gravity.z"]
+)
+def test_a_number_has_the_short_names_of_maps(name):
+    robot = three_segments(gravity="0 0 -9.81")
+    assert Unknowns(robot, [name]).items[0].paths == find(robot, name, ())[1]
+
+
 @pytest.mark.parametrize("model", [None, "arc"])
 def test_offsets_of_tensions_are_zeros_of_load_cells_synthetic(model):
     """Each tendon is unloaded in some rows; the zeros are in N and no part of the robot file."""
@@ -607,6 +616,7 @@ def loads(**change):
         (loads(), ["segments.0.tendons.axial_stiffness"], {}, "no value to begin with"),
         (loads(), ["gain", "gain"], {}, "named twice"),
         (loads(), ["segments.0.length", "segments.*.length"], {}, "both set segments.0.length"),
+        (loads(), ["E", "segments.0.backbone.E"], {}, "both set segments.0.backbone.E"),
         (loads(), [], {}, "parameters is empty"),
         (loads(), "base", {}, "must be a list of names"),
         (loads(), ["backlash"], {}, "backlash has no effect"),

@@ -122,6 +122,7 @@ def test_intervals_of_a_mass_cover_the_truth_synthetic() -> None:
             "the payload has a mass of 0 kg, give it one to begin with",
         ),
         (GUESS, ["payloads.0.mass"], {"model": "arc"}, "constant curvature knows no weight"),
+        (GUESS, ["centre.1"], {"model": "arc"}, "constant curvature knows no weight"),
         (GUESS, ["payloads.0.inertia.0"], {}, "does not act on a robot at rest"),
         (GUESS, ["payloads.1.mass"], {}, "there is no parameter 'payloads.1.mass'"),
         (GUESS, ["payloads.0.disk"], {}, "there is no parameter 'payloads.0.disk'"),

@@ -293,6 +293,22 @@ def test_study_of_a_user_robot(
     report = Path(out.splitlines()[-1].removeprefix("Report: "))
     assert report == tmp_path / "bowstring-study" / "my_robot" / "report.html"
     assert "tendons 2 and 6 (at 0.5 of it)" in report.read_text("utf-8")
+    written = json.loads(report.with_name("study.json").read_text("utf-8"))
+    assert written["provenance"]["robot_file"] == str(ROOT / "examples" / "my_robot.yaml")
+
+
+def test_the_study_of_another_robot_file_of_this_name_is_kept(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    held = "/robots/my_robot.yaml"
+    folder = tmp_path / "bowstring-study" / "my_robot"
+    folder.mkdir(parents=True)
+    former = {"files": ["study.json"], "provenance": {"robot_file": held}}
+    (folder / "study.json").write_text(json.dumps(former), "utf-8")
+    code, out, err = shell("study", str(ROOT / "examples" / "my_robot.yaml"))
+    assert (code, out) == (2, "")
+    assert f"holds that of another robot with this name, {held}; name another folder" in err
 
 
 def test_study_stopped_half_way_writes_nothing(

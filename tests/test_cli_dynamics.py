@@ -122,7 +122,7 @@ def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
     assert code == 0 and not err
     written = f"Run: {out}\nVTK series: {vtk / 'run.pvd'}\nAnimation: {gif}\nglTF file: {glb}\n"
     assert written in text
-    assert "amouri2019, cosserat: converged, 0.1 s in" in text
+    assert "amouri2019, rod model (Cosserat): converged, 0.1 s in" in text
     found = shell.json(*arguments)  # replaces them
     files = {"run": out, "vtk": vtk / "run.pvd", "animation": gif, "glb": glb}
     expected = {name: str(file) for name, file in files.items()}

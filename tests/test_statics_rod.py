@@ -474,7 +474,7 @@ def test_message_mentions_a_coarse_mesh() -> None:
     strong = bs.solve(robot, [60, 0, 0], model=bs.RodModel(elements=1))
     assert strong.converged
     assert "Discretisation error: the tip by up to" in strong.message
-    assert "(1 per module). Leave the number of elements out" in strong.message
+    assert "(1 element per module). Leave the number of elements out" in strong.message
     fine = bs.solve(robot, [60, 0, 0], model=bs.RodModel(elements=8))
     assert fine.message == "A stable equilibrium."
     error = np.linalg.norm(strong.tip.position - fine.tip.position)

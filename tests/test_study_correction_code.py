@@ -19,10 +19,13 @@ import pytest
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
+from bowstring.formatting import in_mm
+from bowstring.study import correction_polynomial
 from bowstring.study.comparison import Model
 from bowstring.study.correction_code import correction_code
-from bowstring.study.correction_polynomial import tip_polynomials
+from bowstring.study.correction_polynomial import TipPolynomial, tip_polynomials
 from bowstring.study.study import Study
+from bowstring.study.verdict import Verdict
 from stages import Stages
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -83,6 +86,11 @@ def _python(study: Study) -> dict[str, Callable[[list[float]], list[float]]]:
     return made
 
 
+def _fits(verdict: Verdict) -> list[TipPolynomial | None]:
+    """Polynomials from lengths and from tensions."""
+    return [m.polynomial for m in verdict.meanings]
+
+
 def _c(study: Study, folder: Path) -> ctypes.CDLL:
     source = folder / "correction.c"
     source.write_text(correction_code(study, "c"))
@@ -95,7 +103,7 @@ def _c(study: Study, folder: Path) -> ctypes.CDLL:
 def test_python_is_the_package(found: Found) -> None:
     study, tensions, lengths = found
     made = _python(study)
-    assert study.verdict.polynomials == ()
+    assert _fits(study.verdict) == [None, None]
     for name, rows, arcs in (
         ("tip_from_tensions", tensions, RobotArcs.from_tensions(study.robot, tensions, "arm")),
         ("tip_from_lengths", lengths, RobotArcs.from_lengths(study.robot, lengths, "chord")),
@@ -122,11 +130,11 @@ def test_polynomials_are_as_near_to_the_rod_as_they_say(fitted: Found) -> None:
     study, tensions, lengths = fitted
     rod = bs.sweep(study.robot, tensions).tip_position
     made = _python(study)
-    assert "Gravity" in made["__doc__"]  # type: ignore[operator]
+    assert "gravity" in made["__doc__"]  # type: ignore[operator]
     for name, rows, fit, meaning in zip(
         ("lengths", "tensions"),
         (lengths, tensions),
-        study.verdict.polynomials,
+        _fits(study.verdict),
         study.verdict.meanings,
         strict=True,
     ):
@@ -148,7 +156,7 @@ def test_polynomials_refuse_what_is_outside_their_range(fitted: Found) -> None:
             made["tip_from_tensions"](row)
     with pytest.raises(ValueError, match="outside the range"):
         made["tip_from_lengths"]([*lengths[1][:-1].tolist(), lengths[1][-1] + 0.3])
-    assert np.isnan(study.verdict.polynomials[1].tip(np.array(wrong))).all()
+    assert np.isnan(_fits(study.verdict)[1].tip(np.array(wrong))).all()
     if more:  # no backbone shortens so much; one tendon alone may bend it
         with pytest.raises(ValueError, match="outside the range"):
             made["tip_from_lengths"]((lengths[1] - 0.03 * study.robot.length).tolist())
@@ -172,7 +180,7 @@ def test_polynomials_reach_the_end_of_the_sweep(
     stages = Stages(robot, tendon=shares, max_tension=20.0)
     verdict = stages.judged(paper.budget)
     assert "by a polynomial: yes, up to 20 N" in verdict.meanings[1].answer
-    fit, tensions = verdict.polynomials[1], np.outer([0.1, 0.5, 1.0], 20.0 * stages.model.shares)
+    fit, tensions = _fits(verdict)[1], np.outer([0.1, 0.5, 1.0], 20.0 * stages.model.shares)
     rod = bs.sweep(robot, tensions).raise_for_status().tip_position
     assert np.linalg.norm(fit.tip(tensions) - rod, axis=1).max() < 1.5 * fit.max_error
 
@@ -211,7 +219,7 @@ def test_c_has_the_same_polynomials(fitted: Found, tmp_path: Path) -> None:
     made = _c(study, tmp_path)
     outside = np.full((1, tensions.shape[1]), -1.0)
     for name, rows, fit in zip(
-        ("lengths", "tensions"), (lengths, tensions), study.verdict.polynomials, strict=True
+        ("lengths", "tensions"), (lengths, tensions), _fits(study.verdict), strict=True
     ):
         rows = np.concatenate([rows, outside])
         for row, tip in zip(rows, fit.tip(rows), strict=True):
@@ -240,6 +248,49 @@ def _same_numbers(study: Study, begins: str, begins_in_matlab: str) -> None:
     listed = set(number.findall(numbers))
     powers = {f"{n}.0" for n in range(9)}
     assert begin and listed <= python | powers and len(listed) > 5
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_each_input_has_its_better_correction(
+    paper: Study, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Arcs from lengths, which hold farther than their polynomial; a polynomial from tensions."""
+    monkeypatch.setattr(correction_polynomial, "_RANGES", (0.5,))
+    stages = Stages(bs.load_robot(EXAMPLES / "small.yaml"), tendon=1, max_tension=10.0)
+    study, tensions, lengths = _loads(
+        replace(stages.over(paper), verdict=stages.judged(paper.budget))
+    )
+    tensions *= 0.5
+    from_lengths, from_force = study.verdict.meanings
+    fit = from_force.polynomial
+    assert from_lengths.polynomial is None and fit is not None and fit.top == 5.0
+    made, compiled = _python(study), _c(study, tmp_path)
+    arcs = RobotArcs.from_lengths(study.robot, lengths, "chord")
+    for name, rows, tips in (
+        ("lengths", lengths, arcs.tip.position),
+        ("tensions", tensions, fit.tip(tensions)),
+    ):
+        for row, tip in zip(rows, tips, strict=True):
+            out = (ctypes.c_double * 3)()
+            c_row = (ctypes.c_double * len(row))(*row)
+            assert compiled[f"correction_tip_from_{name}"](c_row, out) == 0
+            np.testing.assert_allclose(list(out), tip, atol=1e-12)
+            np.testing.assert_allclose(made[f"tip_from_{name}"](row.tolist()), tip, atol=1e-12)
+    said = " ".join(str(made["__doc__"]).split())
+    assert f"up to 10 N (largest error {in_mm(from_lengths.corrected.max_error)})" in said
+    assert "5 N, and the lengths that they give. Largest error at random loads" in said
+    assert f"(largest error {in_mm(fit.max_error)})" in from_force.answer
+    assert in_mm(fit.max_error) in said
+    _same_numbers(study, "SEGMENTS", "function list")
+
+
+def test_an_input_without_a_correction_has_no_code(paper: Study) -> None:
+    stages = Stages(bs.load_robot("amouri2019", FITTED["bent without load"]), tendon=1)
+    verdict = stages.judged(paper.budget)
+    meanings = (replace(verdict.meanings[0], polynomial=None), verdict.meanings[1])
+    made = _python(replace(stages.over(paper), verdict=replace(verdict, meanings=meanings)))
+    assert "tip_from_lengths" not in made and "tip_from_tensions" in made
+    assert "From lengths: no correction, because its backbone is bent" in str(made["__doc__"])
 
 
 def test_no_polynomial_within_the_tolerance_is_refused(paper: Study) -> None:

@@ -82,10 +82,11 @@ def test_ranges_of_a_tilt_may_be_several_or_none() -> None:
     most = "up to at least 0.01 N"
     assert (
         few.partition("largest, ")[2]
-        == f"the error stays within 1 % {most} (from lengths), {most} (from force)"
+        == f"the error stays within 1 % {most} (from lengths and from force)"
     )
     horizontal = ROBOT.with_({"gravity": "-9.81 0 0 m/s^2"})
-    assert "1 % at none (from lengths)" in load_text(mapped(horizontal))[1]
+    none = "1 % at no value from 0 to 50 g (from lengths and from force)"
+    assert none in load_text(mapped(horizontal))[1]
 
 
 def test_the_axis_of_a_study_is_any_load() -> None:

@@ -359,14 +359,13 @@ def fit(
         given in `start`. All points with stations are fitted, each where it is measured, on the
         disk at its station; without stations the tip alone is.
     parameters : sequence of str
-        Names of parameters. Fields of the robot file by path, with ``*`` for one value shared by
-        all, also of a list of tendons: ``segments.0.backbone.E``,
+        Names of parameters. Fields of the robot file by path, with ``*`` or as a short name for one
+        value shared by all, also of a list of tendons: ``segments.0.backbone.E``, ``E``,
         ``segments.*.tendons.compliance``. For all, each segment or each tendon (``gain``,
         ``gain.segments``, ``gain.tendons``, ``gain.tendons.4``): ``gain`` of displacements or
         tensions; ``offset`` of displacements, positive where a tendon is too short, or of tensions,
-        if all commands are; ``backlash``, half the dead travel of a displacement. Fields of all
-        tendons by a short name: ``hole_clearance`` (also of each segment,
-        ``hole_clearance.segments``) and ``mount_compliance``. For all or each segment:
+        if all commands are; ``backlash``, half the dead travel of a displacement. For all or each
+        segment: the field ``hole_clearance`` (``hole_clearance.segments``);
         ``hole_angle``, an added angle; ``pitch_radius``, a factor; ``bend_gain`` of constant
         curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's base in the
         measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the last measured

@@ -1,8 +1,8 @@
 """Parameters of a fit by name: initial values, limits, and effect.
 
-A parameter is a path of the robot file, such as ``segments.0.backbone.E`` (with ``*`` for one value
-shared by all), or one of the actuation and the frames, which no robot file has. All values are in
-SI.
+A parameter is a path of the robot file, such as ``segments.0.backbone.E`` (with ``*``, or as a
+short name such as ``E``, for one value shared by all), or one of the actuation and the frames,
+which no robot file has. All values are in SI.
 """
 
 from __future__ import annotations
@@ -24,9 +24,8 @@ from bowstring.formatting import significant
 from bowstring.robot.fields import number_fields, quantity_of
 from bowstring.robot.laws import LAWS, MEMORIES
 from bowstring.robot.model import Robot, with_drives, without_laws
-from bowstring.robot.overrides import expand
 from bowstring.robot.parts import TendonRing
-from bowstring.robot.paths import example_path
+from bowstring.robot.paths import example_path, find
 from bowstring.robot.stiffness import entry_of
 from bowstring.statics.actuation import driven
 from bowstring.units import read_number, unit_of_size
@@ -71,8 +70,6 @@ _INITIAL: Final = re.compile(
 )
 #: Parameters of holes, which are fields of the robot file by other names.
 _OF_HOLES: Final = ("hole_angle", "pitch_radius")
-#: Short names of fields of all tendons.
-_SHORT: Final = ("hole_clearance", "mount_compliance")
 #: Whether a parameter may be common to all, one per segment, or one per tendon.
 _EACH: Final = {
     **dict.fromkeys(("gain", "offset", "backlash"), ("", "segments", "tendons")),
@@ -125,7 +122,8 @@ _SHARE: Final = 0.05
 _PAYLOAD_STEP: Final = {"mass": 5e-3, "centre": 5e-3}
 #: Parameters that change only the effective displacement.
 TENDON_PROPERTIES: Final = frozenset(
-    {"compliance", "axial_stiffness", "free_length", "pretension", *_SHORT}
+    {"compliance", "axial_stiffness", "free_length", "pretension"}
+    | {"hole_clearance", "mount_compliance"}
 )
 
 
@@ -161,7 +159,7 @@ class Unknown:
     @property
     def kind(self) -> str:
         """Field of the robot file, or first word of the name."""
-        return _field_of_payload(self.name) or self.leaf or self.name.partition(".")[0]
+        return _field_of_payload(*self.paths[:1]) or self.leaf or self.name.partition(".")[0]
 
 
 @dataclass(frozen=True)
@@ -273,8 +271,7 @@ class Unknowns:
             raise InputError(
                 f"parameters is {shown(names)}, it must be a list of names of parameters"
             )
-        self._tree = robot.model_dump(mode="json", exclude_none=True)
-        fields = number_fields(self._tree)
+        fields = number_fields(robot.model_dump(mode="json", exclude_none=True))
         self._leaves = {k: v for k, v in fields if k.rpartition(".")[2] not in self._drives}
         self._count = {"segments": len(robot.segments), "tendons": len(robot.tendons.segment)}
         self._held: dict[str, float] = {}
@@ -340,7 +337,8 @@ class Unknowns:
             if of_backlash or (not arcs and (self.robot.has_memory or fitted & _OF_MEMORIES)):
                 return ""
             return "it is the state of a memory, and this model has none: fit backlash or another"
-        field = _field_of_payload(name)
+        paths = self._paths(name)
+        field = _field_of_payload(*paths[:1])
         if not field:
             return ""
         if arcs:
@@ -350,7 +348,7 @@ class Unknowns:
                 f"{self.robot.name} has no gravity, so that payloads have no weight: give the "
                 "robot its gravity"
             )
-        loaded = [self.robot.payloads[int(path.split(".")[1])].mass for path in self._paths(name)]
+        loaded = [self.robot.payloads[int(path.split(".")[1])].mass for path in paths]
         if field == "centre" and not any(loaded):
             return "the payload has a mass of 0 kg, give it one to begin with"
         return ""
@@ -500,6 +498,7 @@ class Unknowns:
     def _expand(self, name: str) -> list[str]:
         """Expand a name to single parameters."""
         head, _, rest = name.partition(".")
+        paths = self._paths(name)
         if name in _FRAMES:
             return [f"{name}.{member}" for member in _FRAMES[name]]
         if name == "delay" or (head in _FRAMES and name in _EXTRA):
@@ -520,29 +519,30 @@ class Unknowns:
                     return [f"{name}.{i}" for i in range(self._count[kind])]
                 if index.isdecimal() and int(index) < self._count[kind]:
                     return [name]
-        elif _field_of_payload(name) == "inertia":
+        elif _field_of_payload(*paths[:1] or [name]) == "inertia":
             raise InputError(
                 f"parameter {name} is a moment of inertia, which does not act on a robot at rest: "
                 "tips do not identify it",
                 argument="parameters",
             )
-        elif self._paths(name):
+        elif paths:
             return [name]
         elif _field_of_payload(name) == "centre" and (
-            paths := [each for i in range(3) for each in self._paths(f"{name}.{i}")]
+            each_axis := [each for i in range(3) for each in self._paths(f"{name}.{i}")]
         ):
-            return paths
+            return each_axis
         raise self._no_such(name)
 
     def _paths(self, name: str) -> tuple[str, ...]:
-        """Paths in the robot file."""
-        head, _, segment = name.partition(".")
-        if name in _SHORT or (head == "hole_clearance" and segment.startswith("segments.")):
-            which = segment.removeprefix("segments.") or "*"
-            return self._paths(f"segments.{which}.tendons.{head}")
-        if head not in ("segments", "gravity", "payloads"):
+        """Paths in the robot file, as maps find them; none of the parameters outside it."""
+        if name in _EXTRA:
             return ()
-        return tuple(path for path in expand(self._tree, name) if path in self._leaves)
+        head, of_segment, segment = name.partition(".segments.")
+        if head == "hole_clearance" and of_segment:
+            name = f"segments.{segment}.tendons.{head}"
+        with suppress(InputError):
+            return tuple(path for path in find(self.robot, name, ())[1] if path in self._leaves)
+        return ()
 
     def _no_such(self, name: str) -> InputError:
         if re.match(r"payloads\b", name) and not self.robot.payloads:
@@ -560,7 +560,6 @@ class Unknowns:
         known = [
             *self._leaves,
             *(name for name in _EXTRA if name not in ("marker", "offset of tensions")),
-            *_SHORT,
             *_FRAMES,
             "marker.0",
         ]
@@ -570,7 +569,7 @@ class Unknowns:
         return InputError(
             f"there is no parameter {shown(name)}; {hint} must be a number of the robot "
             f"file, as {example_path(self.robot)}, or one of "
-            f"{', '.join([*_FRAMES, 'marker.0', 'delay', *_SHORT, *_EACH])}",
+            f"{', '.join([*_FRAMES, 'marker.0', 'delay', *_EACH])}",
             argument="parameters",
         )
 
@@ -602,7 +601,7 @@ class Unknowns:
             natural = _STEP.get(leaf, 0.0)
             if (entry := entry_of(paths[0])) is not None:
                 natural, low, high = self._of_matrix(paths, *entry)
-            if field := _field_of_payload(name):
+            if field := _field_of_payload(paths[0]):
                 natural = _PAYLOAD_STEP[field]
             step = max(natural, _SHARE * abs(start))
             return Unknown(name, unit, per_unit, start, step or 1.0, low, high, paths)
@@ -675,7 +674,7 @@ def _markers(extra: Mapping[str, float]) -> dict[int, Floats]:
     return found
 
 
-def _field_of_payload(name: str) -> str:
+def _field_of_payload(name: str = "") -> str:
     """Field of a payload that a parameter is: mass, centre or inertia; else empty."""
     found = re.fullmatch(r"payloads(?:\.|\[)(?:\d+|\*)\]?\.(mass|centre|inertia)\b.*", name)
     return found[1] if found else ""

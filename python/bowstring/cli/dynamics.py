@@ -38,6 +38,7 @@ from bowstring.cli.output import (
     new_table,
     progress_bar,
     provenance_of,
+    rod_model,
     warn,
     write_json,
     write_tables,
@@ -505,7 +506,8 @@ def modes(
     for i, (frequency, kind) in enumerate(zip(found.frequency_hz, found.kind, strict=True), 1):
         found_modes.add_row(str(i), f"{frequency:.5g}", kind)
     write_tables(
-        f"{robot.name}, {rod.theory}: {counted(len(found), 'mode')} about the equilibrium",
+        f"{robot.name}, {rod_model(rod.theory)}: {counted(len(found), 'mode')} about the "
+        "equilibrium",
         found_modes,
         *([f"Pictures: {folder}"] if folder else []),
     )
@@ -540,8 +542,9 @@ def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str
     import numpy as np
 
     yield (
-        f"{run.robot.name}, {run.settings['theory']}: {run.status}, {run.end:.6g} s in "
-        f"{counted(run.steps, 'step')}, about {rounded(run.real_time_factor)} times real time"
+        f"{run.robot.name}, {rod_model(run.settings['theory'])}: {run.status}, {run.end:.6g} s in "
+        f"{counted(run.steps, 'step')}, computed about {rounded(run.real_time_factor)} times as "
+        "fast as real time"
     )
     if run.converged and run.error_text:
         yield f"{run.error_text[0].upper()}{run.error_text[1:]}."

@@ -294,14 +294,14 @@ def fit(
         list[str],
         option(
             "NAME",
-            "Parameter to fit: a number of the robot file (segments.0.backbone.E, "
-            "payloads.0.mass), base, tool, marker.0, gain, offset, backlash, hole_clearance, "
-            "mount_compliance, delay, hole_angle, pitch_radius, bend_gain, initial_displacement, "
-            "initial_tension. Repeatable.",
+            "Parameter to fit: a number of the robot file (E for all backbones, "
+            "segments.0.backbone.E, payloads.0.mass), base, tool, marker.0, gain, offset, "
+            "backlash, hole_clearance, mount_compliance, delay, hole_angle, pitch_radius, "
+            "bend_gain, initial_displacement, initial_tension. Repeatable.",
             values=completion.words(
                 *("base", "tool", "marker.0", "gain", "offset", "backlash", "hole_clearance"),
                 *("mount_compliance", "delay", "hole_angle", "pitch_radius", "bend_gain"),
-                *("segments.0.backbone.E", "initial_displacement", "initial_tension"),
+                *("E", "segments.0.backbone.E", "initial_displacement", "initial_tension"),
             ),
         ),
     ],

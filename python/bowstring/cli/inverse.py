@@ -434,7 +434,7 @@ def _with_residual(
 
 
 def _name(model: str) -> str:
-    return "constant curvature" if model == "cc" else "physics"
+    return "constant curvature" if model == "cc" else "rod model"
 
 
 def _arc(robot: Robot, point: list[float], free_length: bool, chord: bool, as_json: bool) -> None:

@@ -47,6 +47,11 @@ def counted(n: int, thing: str, things: str | None = None) -> str:
     return f"{n} {thing if n == 1 else things or thing + 's'}"
 
 
+def rod_model(theory: str) -> str:
+    """The rod model and its theory, for a heading."""
+    return f"rod model ({theory.capitalize()})"
+
+
 def be_quiet(wanted: bool) -> None:
     """Switch progress, notes and warnings off, or on again."""
     global _quiet

@@ -33,6 +33,7 @@ from bowstring.cli.output import (
     fixed,
     new_table,
     provenance_of,
+    rod_model,
     tip_line,
     warn,
     write,
@@ -305,7 +306,7 @@ def solve(
     assert tip is not None
     if not as_json:
         write_tables(
-            f"{robot.name}, {rod.theory}: {message} "
+            f"{robot.name}, {rod_model(rod.theory)}: {message} "
             f"({solution.iterations} iterations, residual {solution.residual:.1e})",
             tip_line(tip.position, tip.rotation)
             + ("" if contact is None else f"\n{contact.message}"),

@@ -134,6 +134,7 @@ _FiniteElements = Annotated["Settings | None", Group("Finite elements", _finite_
 
 
 def study(
+    context: typer.Context,
     robot: RobotOfStudy,
     tolerance: Tolerance,
     loading: Sweep,
@@ -168,6 +169,7 @@ def study(
         raise InputError("--compare has the Cosserat rod; leave --theory out.")
     from bowstring.fem.run import RunInterrupted
     from bowstring.files.result_folder import check_folder
+    from bowstring.robot.reader import robot_names
     from bowstring.study import report
     from bowstring.study.run import run_study
     from bowstring.study.settings import Extras
@@ -182,6 +184,10 @@ def study(
         warn(*joint.warnings)
     out = report.default_folder(robot) if written.out is None else written.out
     folder = of_flag("--out", check_folder, out)
+    source = context.params["robot"]
+    robot_file = source if source in robot_names() else str(Path(source).resolve())
+    if written.out is None:
+        of_flag("--out", lambda it: report.refuse_other_robot(it, robot_file), folder)
     try:
         with progress_bar("CAD kernel" if written.solid else "geometric sweep") as notify:
             data = None
@@ -206,6 +212,7 @@ def study(
                 folder,
                 formats=() if written.figures is None else (written.figures,),
                 correction=written.correction,
+                robot_file=robot_file,
                 progress=lambda what, done: notify(what, solving + (1 - solving) * done),
             )
     except RunInterrupted as stopped:

@@ -64,8 +64,9 @@ def discretisation(
             " The path may have turned to another branch: with another number of elements than "
             f"{elements} per module it is elsewhere, the {what}. Take smaller steps."
         )
+    s = "" if elements == 1 else "s"
     cure = "" if elements == 8 else " Leave the number of elements out, or take more."
-    return f" Discretisation error: the {what} ({elements} per module).{cure}"
+    return f" Discretisation error: the {what} ({elements} element{s} per module).{cure}"
 
 
 def without_potential(found: Any, short: bool = False) -> str:

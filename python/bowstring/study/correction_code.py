@@ -1,11 +1,14 @@
 """Corrected constant curvature of a robot as code to paste: Python, C and MATLAB.
 
-The code has the robot's numbers and the closed forms of theory Eq. 1.5 to 1.11, or where these do
-not serve the polynomials of `bowstring.study.correction_polynomial`; it needs no library.
+From lengths and from tensions each, the code has the robot's numbers and the closed form of theory
+Eq. 1.5 to 1.11, or where that does not serve the polynomial of
+`bowstring.study.correction_polynomial`; it needs no library.
 """
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -16,6 +19,7 @@ from bowstring.errors import InputError
 from bowstring.formatting import in_mm, significant
 from bowstring.robot.model import Robot
 from bowstring.study.correction_polynomial import MOST_TERMS, bend_fit, without_closed_form
+from bowstring.study.verdict import how_far
 from bowstring.validation import choice
 
 if TYPE_CHECKING:
@@ -28,6 +32,8 @@ Language = Literal["python", "c", "matlab"]
 
 FILES: Final = {"python": "correction.py", "c": "correction.c", "matlab": "correction.m"}
 """Names of the files by language."""
+
+_WIDTH: Final = 100  # columns of the sentences
 
 
 @dataclass(frozen=True)
@@ -64,8 +70,9 @@ def correction_code(study: Study, language: Language) -> str:
     Returns
     -------
     str
-        A module of functions ``tip_from_tensions`` and ``tip_from_lengths``; in MATLAB a class of
-        these static methods. Units are SI; tips are in the base frame.
+        A module of functions ``tip_from_tensions`` and ``tip_from_lengths``, each by corrected arcs
+        or by a polynomial, whichever the verdict prefers; in MATLAB a class of these static
+        methods. Units are SI; tips are in the base frame.
 
     Raises
     ------
@@ -75,7 +82,15 @@ def correction_code(study: Study, language: Language) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     choice("correction", language, tuple(FILES))
-    robot, polynomials = study.model.robot, study.verdict.polynomials
+    robot, why = study.model.robot, without_closed_form(study.model.robot)
+    neither = f"{why}, and no polynomial of at most {MOST_TERMS} terms keeps within the tolerance"
+    fits = zip(("lengths", "tensions"), study.verdict.meanings, strict=True)
+    given = {name: m.polynomial for name, m in fits if m.polynomial or not why}
+    if not given:
+        raise InputError(
+            f"{robot.name} has no correction in closed form, because {neither}; give a smaller "
+            "largest tension, or compile the rod itself by bowstring export"
+        )
     environment = Environment(
         loader=PackageLoader("bowstring.study", "templates"),
         undefined=StrictUndefined,
@@ -85,59 +100,45 @@ def correction_code(study: Study, language: Language) -> str:
     )
     environment.filters["n"] = lambda value: repr(float(value))
     ending = FILES[language].rpartition(".")[2]
-    shared = {"robot": robot, "tendons": len(robot.tendons.segment)}
-    if polynomials:
-        return environment.get_template(f"polynomial.{ending}.j2").render(
-            **shared,
-            polynomials=[
-                {"name": name, "fit": fit}
-                for name, fit in zip(("lengths", "tensions"), polynomials, strict=True)
-            ],
-            said=_on_polynomials(study),
-        )
-    if why := without_closed_form(robot):
-        raise InputError(
-            f"{robot.name} has no correction in closed form, because {why}, and no polynomial of "
-            f"at most {MOST_TERMS} terms keeps within the tolerance; give a smaller largest "
-            "tension, or compile the rod itself by bowstring export"
-        )
-    segments = _segments(robot)
-    said = [
-        f"{source} {in_mm(meaning.corrected.max_error)}"
-        for source, meaning in zip(
-            ("from lengths", "from force"), study.verdict.meanings, strict=True
-        )
-    ]
     return environment.get_template(f"correction.{ending}.j2").render(
-        **shared,
-        segments=segments,
-        most=max(len(s.flexible) for s in segments),
-        said="; ".join(said),
-        swept=f"{study.settings.actuated}, 0 to {significant(study.settings.max_tension)} N",
+        robot=robot,
+        tendons=len(robot.tendons.segment),
+        given=given,
+        segments=_segments(robot) if None in given.values() else [],
+        said=[line for each in _said(study, neither) for line in textwrap.wrap(each, _WIDTH)],
     )
 
 
-def _on_polynomials(study: Study) -> list[str]:
-    """Range and errors in sentences."""
-    robot, fits = study.robot, study.verdict.polynomials
+def _said(study: Study, neither: str) -> Iterator[str]:
+    """Range and error of each correction in sentences."""
+    robot, verdict = study.robot, study.verdict
     each = " of each segment" if len(robot.segments) > 1 else ""
     signs = " (chambers push, rods do both)" if robot.tendons.pushes.any() else ""
     gravity = ", ".join(f"{g:.4g}" for g in robot.gravity)
-    lines = [
-        f"Gravity: {gravity} m/s^2.",
-        f"Range: any tensions{signs} whose sum in the tendons{each} is at most",
-        "that named here, and the lengths that they give. Largest error against the rod at random",
-        "loads that are not in the fit:",
-    ]
-    lines += [
-        f"{source}, sum {significant(fit.top)} N: {in_mm(fit.max_error)} (degree {fit.degree}, "
-        f"{len(fit.exponents)} terms)"
-        for source, fit in zip(("from lengths", "from tensions"), fits, strict=True)
-    ]
-    solved = min(fit.solved for fit in fits)
-    if solved < 1.0:
-        lines.append(f"{1.0 - solved:.1%} of these loads have no equilibrium and are not covered.")
-    return lines
+    yield (
+        "Written by Bowstring. SI units; base frame, z along the straight backbone; without "
+        "friction and tip loads. Errors are against the rod model."
+    )
+    for source, m in zip(("From lengths", "From tensions"), verdict.meanings, strict=True):
+        if fit := m.polynomial:
+            yield (
+                f"{source}: polynomial of degree {fit.degree} ({len(fit.exponents)} terms), fitted "
+                f"in gravity ({gravity}) m/s^2. Range: any tensions{signs} whose sum in the "
+                f"tendons{each} is at most {significant(fit.top)} N, and the lengths that they "
+                f"give. Largest error at random loads that are not in the fit: "
+                f"{in_mm(fit.max_error)}."
+            )
+            if fit.solved < 1.0:
+                yield f"{1.0 - fit.solved:.1%} of them have no equilibrium and are not covered."
+        elif without_closed_form(robot):
+            yield f"{source}: no correction, because {neither}."
+        else:
+            yield (
+                f"{source}: constant curvature, corrected: tendons run straight between the disks, "
+                f"clamped lengths stay straight; without gravity. Error within "
+                f"{in_mm(verdict.tolerance_length)} with {study.settings.actuated}: "
+                f"{how_far(m.corrected, study.settings.max_tension)}."
+            )
 
 
 def _segments(robot: Robot) -> list[_Segment]:

@@ -108,7 +108,9 @@ def _gives_length(robot: Robot, segment: int) -> bool:
     return bool(ranks[0] > ranks[1])
 
 
-def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPolynomial, ...]:
+def tip_polynomials(
+    model: Model, top: float, tolerance: float
+) -> tuple[TipPolynomial | None, TipPolynomial | None]:
     """Fit the tip of a robot's rod, with its gravity and without friction.
 
     Parameters
@@ -124,18 +126,16 @@ def tip_polynomials(model: Model, top: float, tolerance: float) -> tuple[TipPoly
 
     Returns
     -------
-    tuple of TipPolynomial
+    tuple of TipPolynomial or None
         From tendon lengths, whose inputs are the bends of the segments, and from tensions, whose
-        inputs are their sums and moments; empty if one of both does not keep within the tolerance.
+        inputs are their sums and moments; None for one that does not keep within the tolerance.
     """
     best: dict[str, TipPolynomial] = {}
     for share in _RANGES:
-        left = [each for each in _SOURCES if each not in best]
-        found = _polynomials(model, share * top, tolerance, left)
-        best |= {name: fit for name, fit in found.items() if fit.max_error <= tolerance}
-        if len(best) == len(_SOURCES):
-            return tuple(best[each] for each in _SOURCES)
-    return ()
+        if left := [each for each in _SOURCES if each not in best]:
+            found = _polynomials(model, share * top, tolerance, left)
+            best |= {name: fit for name, fit in found.items() if fit.max_error <= tolerance}
+    return best.get("lengths"), best.get("tensions")
 
 
 def _polynomials(

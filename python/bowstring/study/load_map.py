@@ -159,11 +159,13 @@ def load_text(found: ValidityMap) -> tuple[str, str]:
     words, tension = found.axes[1].words, 0.5 * found.axes[0].stop
     heading = f"{words[0].upper()}{words[1:]}"
     at = f"with the tension at {significant(tension)} N, half of the largest"
-    parts = []
+    sources: dict[str, list[str]] = {}
     for name in found.value:
-        ranges = _ranges(found, name, tension)
-        up = "up " if ranges.startswith("to ") else ""
-        parts.append(f"{up}{ranges} ({LABELS[name]})")
+        sources.setdefault(_ranges(found, name, tension), []).append(LABELS[name])
+    parts = [
+        f"{'up ' if ranges.startswith('to ') else ''}{ranges} ({listed(names)})"
+        for ranges, names in sources.items()
+    ]
     within = f"the error stays within {in_percent(found.tolerance, 3)}"
     return heading, f"{at}, {within} {', '.join(parts)}"
 
@@ -190,7 +192,8 @@ def _ranges(found: ValidityMap, name: str, tension: float) -> str:
         end = f"{'at least ' if to_end else ''}{significant(high / axis.factor)}{unit}"
         parts.append(f"{'' if from_start else significant(low / axis.factor) + ' '}to {end}")
     if not parts:
-        return "at none"
+        start, stop = (significant(end / axis.factor) for end in (axis.start, axis.stop))
+        return f"at no value from {start} to {stop}{unit}"
     if len(parts) == 1 and parts[0].startswith("to "):
         return parts[0]
     return f"at {listed([f'0 {part}' if part.startswith('to ') else part for part in parts])}"

@@ -11,9 +11,13 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+from typing_extensions import NotRequired
+
+from bowstring.errors import InputError
 from bowstring.files.atomic_io import file_stem, write_whole
+from bowstring.files.json_files import Content, read_json, structured
 from bowstring.files.result_folder import check_folder, write_listing
 from bowstring.formatting import number, signed
 from bowstring.robot.model import Robot
@@ -37,9 +41,21 @@ if TYPE_CHECKING:
     from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
-__all__ = ["default_folder", "write", "written_figures"]
+__all__ = ["default_folder", "refuse_other_robot", "write", "written_figures"]
 
 Progress = Callable[[str, float], None]
+
+_MOST_BYTES: Final = 1_000_000_000
+
+
+class _Provenance(Content):
+    robot_file: NotRequired[str]
+
+
+class _Former(Content):
+    """Structure of what is read of a former study.json."""
+
+    provenance: _Provenance
 
 
 def default_folder(robot: Robot) -> Path:
@@ -53,12 +69,38 @@ def default_folder(robot: Robot) -> Path:
     return Path("bowstring-study") / file_stem(robot.name)
 
 
+def refuse_other_robot(folder: Path, robot_file: str) -> None:
+    """Refuse to replace the study of another robot file, which has the same name of robot.
+
+    Parameters
+    ----------
+    folder : Path
+    robot_file : str
+        As for `write`. A former study without one may be replaced.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        former = structured(read_json(folder / "study.json", _MOST_BYTES), _Former)
+    except (OSError, ValueError):  # no study
+        return
+    held = former["provenance"].get("robot_file", robot_file)
+    if held != robot_file:
+        raise InputError(
+            f"cannot write the study to {folder}: it holds that of another robot with this name, "
+            f"{held}; name another folder"
+        )
+
+
 def write(
     study: Study,
     out: str | Path | None = None,
     *,
     formats: Sequence[str] = (),
     correction: Language | None = None,
+    robot_file: str | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Write the report of a study.
@@ -74,6 +116,8 @@ def write(
     correction : {"python", "c", "matlab"}, optional
         Language in which the corrected constant curvature is written too
         (`bowstring.study.correction_code`).
+    robot_file : str, optional
+        Path of the robot's file, or name of a built-in robot, for the provenance in study.json.
     progress : callable, optional
         Progress callback, called with the name of the work and its finished share from 0 to 1.
 
@@ -94,7 +138,7 @@ def write(
     def fill(new: Path) -> None:
         if correction is not None:
             (new / FILES[correction]).write_text(code, encoding="utf-8")
-        _fill(study, new, formats, notify)  # lists the files last
+        _fill(study, new, formats, robot_file, notify)  # lists the files last
 
     write_whole(
         folder,
@@ -106,7 +150,9 @@ def write(
     return folder
 
 
-def _fill(study: Study, folder: Path, formats: Sequence[str], notify: Progress) -> None:
+def _fill(
+    study: Study, folder: Path, formats: Sequence[str], robot_file: str | None, notify: Progress
+) -> None:
     from bowstring.study.figures import draw
 
     tables = folder / "tables"
@@ -130,6 +176,8 @@ def _fill(study: Study, folder: Path, formats: Sequence[str], notify: Progress) 
 
     notify("report", 0.95)
     content = study.to_dict()
+    if robot_file is not None:
+        content["provenance"]["robot_file"] = robot_file
     content["figures"] = [f.to_dict() for f in study.figures if f.stem in drawn]
     (folder / "report.html").write_text(_html(study, content, drawn), encoding="utf-8")
     write_listing(folder / "study.json", content)

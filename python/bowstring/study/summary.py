@@ -249,5 +249,5 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
             )
             commanded = row.case.comparisons[COMMANDED].mean
             if math.isfinite(commanded):
-                moved += f"; CC from these positions errs by {in_mm(commanded)} on average"
+                moved += f"; constant curvature from these errs by {in_mm(commanded)} on average"
             yield f"Elastic tendons{assumed}", moved

@@ -35,6 +35,7 @@ __all__ = [
     "Share",
     "Verdict",
     "corrections",
+    "how_far",
     "judge",
     "shares_of",
 ]
@@ -99,8 +100,9 @@ class Meaning(Range):
     corrected: Annotated[Range, Key()]
     """The same with the correction in closed form."""
     polynomial: TipPolynomial | None
-    """The tip as a polynomial; None where the corrected arcs keep within the tolerance, both from
-    lengths and from force, and where no polynomial does."""
+    """The tip as a polynomial; None where the corrected arc in closed form serves, or the corrected
+    arcs from lengths and from force both keep within the tolerance, and where no polynomial does.
+    """
     polynomial_to: float | None
     """Tension of the sweep up to which the polynomial is fitted, N; None without one."""
     answer: Annotated[str, Key()]
@@ -161,11 +163,6 @@ class Verdict(Result):
     text: Annotated[tuple[str, ...], Key()]
     """Verdict, corrections, variable curvature and effects outside the sweep in sentences."""
 
-    @property
-    def polynomials(self) -> tuple[TipPolynomial, ...]:
-        """The tip from tendon lengths and from tensions as polynomials; see `Meaning`."""
-        return tuple(m.polynomial for m in self.meanings if m.polynomial is not None)
-
 
 # -- running it --------------------------------------------------------------------------------
 
@@ -198,17 +195,19 @@ def judge(
     case_tension = np.linspace(0.0, max_tension, len(budget.sweep.tip_position))
     case = model.case(model.main, fine, tuple(COMPARISONS))
     meanings = tuple(_meaning(model, name, case, fine, tolerance) for name in MEANINGS)
-    fits: Sequence[TipPolynomial | None] = ()
-    of = model.robot.tendons.segment
-    load = float(np.bincount(of, np.abs(model.shares)).max())  # of the fullest segment
-    arcs_serve = all(m.corrected.valid_throughout for m in meanings)
-    if without_closed_form(model.robot) or not arcs_serve:
+    closed = not without_closed_form(model.robot)
+    if not closed or not all(m.corrected.valid_throughout for m in meanings):
+        of = model.robot.tendons.segment
+        load = float(np.bincount(of, np.abs(model.shares)).max())  # of the fullest segment
         fits = tip_polynomials(model, load * max_tension, tolerance * model.length)
-    with_fits = zip(meanings, fits or [None] * len(meanings), strict=True)
-    meanings = tuple(
-        replace(m, polynomial=fit, polynomial_to=None if fit is None else fit.top / load)
-        for m, fit in with_fits
-    )
+        fitted = (
+            replace(m, polynomial=fit, polynomial_to=fit.top / load) if fit else m
+            for m, fit in zip(meanings, fits, strict=True)
+        )
+        meanings = tuple(
+            m if closed and by_fit.corrected_serves else by_fit
+            for m, by_fit in zip(meanings, fitted, strict=True)
+        )
     meanings = tuple(replace(m, answer=_answer(m, max_tension)) for m in meanings)
     return Verdict(
         tolerance=tolerance,
@@ -341,7 +340,7 @@ def _answer(m: Meaning, top: float) -> str:
     if not math.isfinite(m.max_error):
         return f"{source}: unknown, because constant curvature gives no arc at any load."
     only = "only " if m.valid_to and m.exceeded else ""
-    words = f"{source}: {only}{_how_far(m, top)}"
+    words = f"{source}: {only}{how_far(m, top)}"
     if not m.exceeded:
         return f"{words}."
     cause = m.largest_contribution
@@ -355,13 +354,14 @@ def _answer(m: Meaning, top: float) -> str:
         yes = "yes, " if math.isclose(end, top) else ""
         words += f"; by a polynomial: {yes}up to {significant(end)} N (largest error {error})"
     elif m.corrected_reaches_farther:
-        words += f"; corrected: {_how_far(m.corrected, top)}"
+        words += f"; corrected: {how_far(m.corrected, top)}"
     elif not m.corrected.undecided and m.corrected.max_error < 0.9 * m.max_error:
         words += f"; corrected, the largest error is {in_mm(m.corrected.max_error)}"
     return f"{words}."
 
 
-def _how_far(found: Range, top: float) -> str:
+def how_far(found: Range, top: float) -> str:
+    """Say up to which load of a sweep to `top`, N, the error is within the tolerance."""
     if found.valid_throughout:
         return f"yes, up to {significant(top)} N (largest error {in_mm(found.max_error)})"
     if not found.valid_to and not found.exceeded:
