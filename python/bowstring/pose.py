@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from bowstring.results import Key, Result
 
-__all__ = ["Pose"]
-
 Array = NDArray[np.float64]
 
 

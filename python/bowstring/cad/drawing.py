@@ -21,8 +21,6 @@ from bowstring.viz.style import LIGHT, check_figure_file, write_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["check_drawing", "check_drawing_file", "draw_disks", "write_drawing"]
-
 Floats = NDArray[np.float64]
 
 _SUFFIXES: Final = (".svg", ".pdf", ".png")

@@ -10,8 +10,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Camera", "Mesh", "render"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

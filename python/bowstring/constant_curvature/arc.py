@@ -46,8 +46,6 @@ from bowstring.pose import Pose
 from bowstring.robot.arrays import frozen
 from bowstring.validation import shown
 
-__all__ = ["Arc", "Routing"]
-
 Array = NDArray[np.float64]
 Coordinates = Literal["bend", "curvature"]
 

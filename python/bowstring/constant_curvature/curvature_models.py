@@ -22,8 +22,6 @@ from bowstring.validation import is_whole, shown
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["curvature_from_loads", "fit_curvature", "polyline_curvature"]
-
 Array = NDArray[np.float64]
 
 _UNKNOWNS: Final = 60  # unknowns of the shapes that are fitted at once

@@ -26,8 +26,6 @@ from bowstring.robot.arrays import frozen
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["RobotArcs"]
-
 Array = NDArray[np.float64]
 Correction = Literal["chord"]
 Law = Literal["linear", "arm"]

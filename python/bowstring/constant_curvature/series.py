@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 import bowstring._core as _core
 from bowstring.pose import Pose
 
-__all__ = ["series_jacobian", "series_pose"]
-
 Array = NDArray[np.float64]
 
 

@@ -27,8 +27,6 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.pose import Pose
 from bowstring.validation import floats, floats_or_refuse, is_whole, shown
 
-__all__ = ["ArcFit", "Profile", "fit_arcs"]
-
 Array = NDArray[np.float64]
 
 _STARTS: Final = np.linspace(-4.0 * np.pi, 4.0 * np.pi, 51)  # initial bends, rad

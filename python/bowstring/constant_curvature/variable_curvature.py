@@ -30,8 +30,6 @@ from bowstring.validation import floats
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["MAX_DEGREE", "VariableCurvature", "legendre"]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 

@@ -10,17 +10,6 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import listed, significant
 
-__all__ = [
-    "advice",
-    "is_negated",
-    "likely_zero",
-    "noise_about_zero",
-    "rest",
-    "saturated",
-    "spikes",
-    "steady",
-]
-
 Floats = NDArray[np.float64]
 
 _FEW: Final = 4  # readings below zero that do not show their distribution

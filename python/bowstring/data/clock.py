@@ -21,8 +21,6 @@ from bowstring.data.tables import with_point
 from bowstring.errors import InputError
 from bowstring.units import NUMBER, quote
 
-__all__ = ["DATES", "ISO", "AmbiguousDateError", "is_time", "seconds_of", "times"]
-
 Floats = NDArray[np.float64]
 
 #: Unit of a time given as date, clock time or duration in words.

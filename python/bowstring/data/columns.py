@@ -19,23 +19,6 @@ from bowstring.data.tables import Table, UnknownColumnsError
 from bowstring.errors import InputError
 from bowstring.units import NUMBER, Quantity, quote, read_number, wrong
 
-__all__ = [
-    "PIXELS",
-    "SIGMA",
-    "SOURCES",
-    "TOOL",
-    "Column",
-    "Layout",
-    "Part",
-    "Zero",
-    "check_stations",
-    "did_you_mean",
-    "factor_of",
-    "nearest",
-    "read_zero",
-    "tidy",
-]
-
 #: Allowed sources of data.
 Source = Literal["measured", "synthetic", "computed"]
 SOURCES: Final = get_args(Source)

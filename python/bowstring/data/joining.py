@@ -16,8 +16,6 @@ from bowstring.data.tables import Row, Table, cell_number, with_point
 from bowstring.errors import InputError
 from bowstring.units import quote
 
-__all__ = ["How", "join"]
-
 Floats = NDArray[np.float64]
 How = Literal["linear", "nearest", "previous"]
 

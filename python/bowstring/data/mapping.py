@@ -39,8 +39,6 @@ from bowstring.errors import InputError
 from bowstring.robot.safe_yaml import read_yaml, reading, text_of
 from bowstring.units import NUMBER, Quantity, Text, quote, read_number, wrong
 
-__all__ = ["Mapping", "load_mapping", "mapping_names"]
-
 _BUILT_IN: Final = Path(__file__).with_name("mappings")
 _MOST_POINTS: Final = 1_000
 

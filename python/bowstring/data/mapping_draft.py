@@ -26,8 +26,6 @@ from bowstring.data.tables import Form, Table, cell_number, is_name, with_point
 from bowstring.robot.model import Robot
 from bowstring.units import quote
 
-__all__ = ["draft"]
-
 Floats = NDArray[np.float64]
 
 _ENOUGH: Final = 2  # of name, unit and numbers

@@ -48,14 +48,6 @@ from bowstring.robot.model import Robot, check_robot
 from bowstring.significance import NORMAL, student
 from bowstring.units import printable, quote
 
-__all__ = [
-    "STANDARD_GRAVITY",
-    "Measurements",
-    "load",
-    "read_measurements",
-    "write_measurements",
-]
-
 STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
 _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100

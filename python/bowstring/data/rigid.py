@@ -12,8 +12,6 @@ from bowstring.errors import InputError
 from bowstring.results import Key, Result
 from bowstring.validation import numbers, shown, vectors
 
-__all__ = ["SKEW", "Rigid", "align"]
-
 Array = NDArray[np.float64]
 
 SKEW: Final = 1e-3

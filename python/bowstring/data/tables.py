@@ -28,30 +28,6 @@ from bowstring.files.atomic_io import readable
 from bowstring.optional import load_extra
 from bowstring.units import NUMBER, Text, quote, wrong
 
-__all__ = [
-    "COLUMN",
-    "MARKS",
-    "Form",
-    "Name",
-    "Row",
-    "Table",
-    "UnknownColumnsError",
-    "blocks_of",
-    "cell_number",
-    "default_separator",
-    "is_blank",
-    "is_comment",
-    "is_missing",
-    "is_name",
-    "is_text",
-    "joined_names",
-    "lines_of_table",
-    "not_measured",
-    "open_table",
-    "title_of",
-    "with_point",
-]
-
 MOST_ROWS: Final = 2_000_000
 MOST_SHEET_ROWS: Final = 200_000  # reading a spreadsheet takes ten times as long as text
 _MOST_COLUMNS: Final = 2_000

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
 
-__all__ = ["Found", "TendonCheck", "check_tendons", "likely_zeros", "wound_by_tensions"]
-
 Floats = NDArray[np.float64]
 Found = Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"]
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from bowstring.display import short_repr
 from bowstring.results import Key, Result
 
-__all__ = ["Comparison", "ModelName", "known_max", "known_mean"]
-
 Array = NDArray[np.float64]
 ModelName = Literal[
     "cc_from_lengths",

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import RotationSpline
 
-__all__ = ["BaseHistory", "BaseMotion"]
-
 Floats = NDArray[np.float64]
 
 _MISFIT: Final = 1e-5  # largest misfit of a cubic over the largest acceleration

@@ -13,8 +13,6 @@ from bowstring.statics.simulator import Scheme
 from bowstring.units import quote, read_number, read_share
 from bowstring.validation import number
 
-__all__ = ["DEFAULT_INTERVAL", "DEFAULT_SPECTRAL_RADIUS", "Integrator", "with_ratio"]
-
 DEFAULT_INTERVAL: Final = 0.01  # s
 DEFAULT_SPECTRAL_RADIUS: Final = 0.8
 _TOLERANCE_SHARE: Final = 2e-6  # default tolerance over length, per step

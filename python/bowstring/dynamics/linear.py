@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.statics.actuation import Given
 
-__all__ = ["DiscreteModel", "LinearModel", "linearise"]
-
 Floats = NDArray[np.float64]
 
 

@@ -31,21 +31,6 @@ from bowstring.statics.load_tables import (
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = [
-    "CLOSEST",
-    "Actuation",
-    "Loads",
-    "OverTime",
-    "Table",
-    "disk_row",
-    "of_base",
-    "on_disks",
-    "on_points",
-    "over_time",
-    "ramp",
-    "step",
-]
-
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.statics.fields import Labelled
 
-__all__ = ["Modes", "modes"]
-
 Floats = NDArray[np.float64]
 
 _NEUTRAL: Final = 1e8  # squared frequency ratio of bending to a mode that counts as neutral

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["DEFAULT_PERIOD", "Motions", "MotionsState"]
-
 Floats = NDArray[np.float64]
 Status = Literal["not_started", "moving", "no_equilibrium", "step_failed", "collision"]
 

@@ -59,8 +59,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["NoStart", "Output", "Run", "RunInterrupted", "Start", "simulate"]
-
 Floats = NDArray[np.float64]
 Status = Literal["converged", "step_failed", "collision", "interrupted", "failed"]
 

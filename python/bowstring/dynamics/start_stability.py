@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["Judged", "judged_start"]
-
 _HALVINGS: Final = 10  # bisections of the share of the load at which stability is lost
 
 

@@ -17,8 +17,6 @@ from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 
-__all__ = ["RodComparison", "compare_with_rod"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -21,8 +21,6 @@ from bowstring.fem.run import BrickRun, Motion, Settings, ramp, sweep
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 
-__all__ = ["Convergence", "Refinement", "extrapolated", "study"]
-
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 

@@ -28,8 +28,6 @@ from bowstring.fem.mesh import BrickMesh
 from bowstring.robot.model import Robot
 from bowstring.robot.rest_shape import rest_frames
 
-__all__ = ["MM", "Loading", "Spans", "Step", "model", "resume", "spans", "steps"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -12,8 +12,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GAUSS", "MASS_POINTS", "MASS_WEIGHTS", "POINTS", "brick_shape", "quad_shape"]
-
 Floats = NDArray[np.float64]
 
 GAUSS: Final = 1.0 / math.sqrt(3.0)

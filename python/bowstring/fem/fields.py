@@ -23,18 +23,6 @@ from bowstring.robot.model import Robot
 from bowstring.statics.actuation import compliances
 from bowstring.statics.fields import Frames
 
-__all__ = [
-    "VOIGT",
-    "SectionStress",
-    "State",
-    "at_nodes",
-    "frames",
-    "section_stress",
-    "span_tension",
-    "strain_in_base",
-    "without_times",
-]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.collections import TriMesh
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "field", "stress_along"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -13,8 +13,6 @@ from bowstring.fem.mesh import BrickMesh
 from bowstring.robot.model import Robot
 from bowstring.robot.rest_shape import rest_frames
 
-__all__ = ["CentreOfMass", "disk_points", "gravity_energy", "kinetic_energy", "payload_centres"]
-
 Floats = NDArray[np.float64]
 
 

@@ -30,8 +30,6 @@ from bowstring.robot.model import Robot, check_disks, check_round, check_without
 from bowstring.robot.rest_shape import check_rest_bend, rest_frames
 from bowstring.validation import is_whole, shown
 
-__all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_meshable"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -12,8 +12,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Increment", "Table", "read_dat", "read_increments", "reason"]
-
 Floats = NDArray[np.float64]
 
 _HEAD: Final = re.compile(rb"^ ([a-z ]+) \(.*?\) for set (\S+) and time +(\S+)\s*$", re.MULTILINE)

@@ -16,8 +16,6 @@ from bowstring.files.atomic_io import write_whole
 from bowstring.files.result_folder import check_folder, write_listing
 from bowstring.viz.style import figure_style, save_figure, save_figures
 
-__all__ = ["rows", "write"]
-
 Progress = Callable[[str, float], None]
 
 

@@ -43,19 +43,6 @@ if TYPE_CHECKING:
 
     from bowstring.statics.fields import Frames
 
-__all__ = [
-    "DEFAULT_DT",
-    "BrickRun",
-    "FeStatus",
-    "RunInterrupted",
-    "Settings",
-    "cache_folder",
-    "check",
-    "check_keep",
-    "ramp",
-    "sweep",
-]
-
 #: Status of finite elements.
 FeStatus = Literal["converged", "diverged", "killed", "out_of_memory", "no_space", "failed"]
 

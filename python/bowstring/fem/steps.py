@@ -31,8 +31,6 @@ from bowstring.fem.mesh import BrickMesh
 from bowstring.files.atomic_io import check_place, folder_beside, write_whole_file
 from bowstring.robot.model import Robot
 
-__all__ = ["Ended", "Job", "work"]
-
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 

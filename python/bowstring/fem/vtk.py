@@ -16,8 +16,6 @@ from bowstring.errors import InputError
 from bowstring.fem.run import BrickRun
 from bowstring.viz.vtk import Part, Tendons, check_folder, write_series
 
-__all__ = ["write_vtk"]
-
 Floats = NDArray[np.float64]
 
 _BRICK: Final = 25  # quadratic, 20 nodes

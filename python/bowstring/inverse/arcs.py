@@ -14,8 +14,6 @@ from bowstring.constant_curvature.series import series_jacobian
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["arcs_to", "tensions_of"]
-
 Floats = NDArray[np.float64]
 
 _ITERATIONS: Final = 200

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from bowstring.statics.load import Load
     from bowstring.statics.solution import Solution
 
-__all__ = ["BEYOND_DISPLACEMENT", "keep_displacements"]
-
 Floats = NDArray[np.float64]
 
 #: Value of `InverseSolution.binding` where a limit of displacement binds.

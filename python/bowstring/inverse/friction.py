@@ -20,8 +20,6 @@ from bowstring.statics.load_tables import row_of
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["follow_with_friction"]
-
 Floats = NDArray[np.float64]
 
 _MOST_STEPS: Final = 40

@@ -29,8 +29,6 @@ from bowstring.validation import shown
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["default_max_tension", "inverse_kinematics"]
-
 Floats = NDArray[np.float64]
 
 _REACHED: Final = 1e-6  # distance over length of a reached tip

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["InverseRow", "InverseSolution", "InverseStatus"]
-
 Floats = NDArray[np.float64]
 InverseStatus = Literal["reached", "unreachable", "max_iterations", "no_equilibrium"]
 

@@ -17,8 +17,6 @@ from bowstring.files.atomic_io import check_file, readable, write_whole_file
 from bowstring.inverse.solution import InverseSolution
 from bowstring.units import quote
 
-__all__ = ["Landing", "Tips", "check_commands", "read_tips", "write_commands", "write_rows"]
-
 Floats = NDArray[np.float64]
 
 _MARK: Final = b"# commands by Bowstring"

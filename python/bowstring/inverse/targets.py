@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from bowstring._core import Solution
 
-__all__ = ["Targets", "across", "angle_between", "write_row"]
-
 Floats = NDArray[np.float64]
 
 

@@ -27,8 +27,6 @@ from bowstring.robot.stiffness import (
 )
 from bowstring.units import Quantity, Text
 
-__all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen", "principal_bending"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

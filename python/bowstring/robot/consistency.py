@@ -20,8 +20,6 @@ from bowstring.robot.parts import (
 )
 from bowstring.units import number_with_unit
 
-__all__ = ["bores", "problems"]
-
 Floats = NDArray[np.float64]
 
 

@@ -9,15 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "DiskMass",
-    "distinct_holes",
-    "drilled_disk",
-    "outside_bore",
-    "room_for_holes",
-    "stacked",
-]
-
 Floats = NDArray[np.float64]
 
 _SAME_HOLE = 1e-9  # distance of equal holes as a share of the distance from the axis

@@ -26,8 +26,6 @@ from bowstring.robot.plausibility import implausible
 from bowstring.units import number_with_unit
 from bowstring.validation import shown
 
-__all__ = ["Robot", "check_robot", "with_tendons"]
-
 
 class Robot(RobotArrays):
     """Cable-driven continuum robot, checked and immutable; every number is SI.

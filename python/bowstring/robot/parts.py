@@ -27,23 +27,6 @@ from bowstring.robot.laws import LAWS
 from bowstring.robot.stiffness import StiffnessMatrix
 from bowstring.units import Choice, Count, Quantity, Share, Text, wrong
 
-__all__ = [
-    "MAX_DISKS",
-    "MAX_HOLES",
-    "MAX_SEGMENTS",
-    "MAX_TENDONS",
-    "TENDON_MATERIALS",
-    "Backbone",
-    "Disks",
-    "Part",
-    "Payload",
-    "Segment",
-    "Tendon",
-    "TendonProperties",
-    "TendonRing",
-    "tendon_field",
-]
-
 MAX_SEGMENTS: Final = 100
 MAX_DISKS: Final = 100_000
 MAX_TENDONS: Final = 1_000

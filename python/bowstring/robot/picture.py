@@ -14,8 +14,6 @@ from bowstring.display import some
 if TYPE_CHECKING:
     from bowstring.robot.arrays import RobotArrays
 
-__all__ = ["picture"]
-
 Floats = NDArray[np.float64]
 
 _SIZE: Final = 180  # pixels of the longer side

@@ -15,8 +15,6 @@ from bowstring.robot.model import Robot, check_round
 from bowstring.robot.parts import TendonRing, tendon_field
 from bowstring.units import number_with_unit
 
-__all__ = ["Assumed", "PartNames", "Sizes", "part_names", "sizes_of"]
-
 Floats = NDArray[np.float64]
 
 # Tendons are thin compared with the backbone (published robots: 0.2 to 1 mm on 1 to 5 mm).

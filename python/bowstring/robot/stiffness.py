@@ -12,18 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring.units import NUMBER, Marker, quote, wrong
 
-__all__ = [
-    "StiffnessMatrix",
-    "couples",
-    "entry_of",
-    "flexibility",
-    "has_couplings",
-    "matrix_of",
-    "mirrored",
-    "tension_centre",
-    "without_couplings",
-]
-
 _SIZE: Final = 6
 _ALONE: Final = np.diag([1, 1, 1, 0, 0, 1]).astype(bool)  # entries of a plain section
 _ALONE[:2, :2] = True

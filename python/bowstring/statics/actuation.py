@@ -28,24 +28,6 @@ if TYPE_CHECKING:
     from bowstring.robot.arrays import RobotArrays
     from bowstring.robot.model import Robot
 
-__all__ = [
-    "HISTORY_SCHEMA_VERSION",
-    "KINDS",
-    "Given",
-    "Path",
-    "checked_times",
-    "commanded",
-    "commands",
-    "compliances",
-    "delayed",
-    "displacements",
-    "driven",
-    "given",
-    "home_lengths",
-    "tensions_of_pressures",
-    "through_drives",
-]
-
 HISTORY_SCHEMA_VERSION: Final = 1
 KINDS: Final = {"tensions": "N", "displacements": "m", "angles": "rad"}
 """Kinds of command of a tendon in a load, with their units."""

@@ -32,16 +32,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = [
-    "Branch",
-    "BranchDiagram",
-    "BranchEvent",
-    "BranchSearch",
-    "CriticalLoad",
-    "branch_diagram",
-    "critical_load",
-]
-
 Floats = NDArray[np.float64]
 Kind = Literal["limit_point", "bifurcation"]
 End = Literal["range", "closed", "joined", "collision", "unstable", "points", "lost"]

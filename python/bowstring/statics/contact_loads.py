@@ -16,8 +16,6 @@ from bowstring.statics.load_tables import ON_DISKS, per_disk, with_arrays, witho
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["dead_loads", "load_rows", "unloaded"]
-
 Floats = NDArray[np.float64]
 
 _VECTORS: Final = {"gravity": "m/s^2", "tip_force": "N", "tip_moment": "N m"}

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.statics.messages import StaticsStatus
 
-__all__ = ["TOLERANCE", "ContactProblem"]
-
 Floats = NDArray[np.float64]
 
 TOLERANCE: Final = 1e-9  # tolerance of a contact: distances over length, forces over their scale

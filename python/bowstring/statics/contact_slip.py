@@ -8,8 +8,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["energy_norm", "sliding_force"]
-
 Floats = NDArray[np.float64]
 
 _ANGLES: Final = 48  # angles at which the direction of the slip is bracketed

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from bowstring.statics.messages import StaticsStatus
 
-__all__ = ["ContactSolution", "State"]
-
 Floats = NDArray[np.float64]
 State = Literal["separated", "sticking", "sliding"]
 

@@ -15,15 +15,6 @@ from bowstring.statics import actuation
 from bowstring.statics.solution import Solution
 from bowstring.validation import shown
 
-__all__ = [
-    "DisplacementJacobian",
-    "Jacobians",
-    "block_of_taut",
-    "check_smooth",
-    "displacement_jacobian",
-    "jacobians",
-]
-
 Floats = NDArray[np.float64]
 
 

@@ -30,17 +30,6 @@ from bowstring.validation import shown
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = [
-    "ACTUATION",
-    "ON_DISKS",
-    "QUANTITIES",
-    "VECTORS",
-    "Differentiator",
-    "Direction",
-    "DirectionalDerivatives",
-    "Rates",
-]
-
 Floats = NDArray[np.float64]
 
 #: Parts of a load that a direction can change: actuation, vectors, and vectors on disks.

@@ -29,8 +29,6 @@ from bowstring.validation import shown
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["Derivatives", "derivatives", "directional_derivatives"]
-
 Floats = NDArray[np.float64]
 
 #: Fields that change the number of disks, or have no smooth effect.

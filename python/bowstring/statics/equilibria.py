@@ -22,17 +22,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = [
-    "GRAVITY",
-    "SECOND",
-    "EquilibriumFunction",
-    "Input",
-    "columns",
-    "differentiable",
-    "not_numbers",
-    "single_precision",
-]
-
 Floats = NDArray[np.float64]
 
 #: Index of gravity among the inputs.

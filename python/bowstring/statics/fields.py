@@ -28,22 +28,6 @@ from bowstring.statics.model import RodModel
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "FIELDS",
-    "SCHEMA_VERSION",
-    "Field",
-    "Frames",
-    "Section",
-    "attributes",
-    "check_frames",
-    "completing",
-    "coordinates",
-    "derive",
-    "surface_stress",
-    "to_dataset",
-    "von_mises",
-]
-
 SCHEMA_VERSION: Final = 2
 
 Floats = NDArray[np.float64]

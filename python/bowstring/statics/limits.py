@@ -26,18 +26,6 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.statics.fields import Frames, Section
 
-__all__ = [
-    "POINTS",
-    "Utilisation",
-    "below_base",
-    "buckled_or_stretched",
-    "by_segment",
-    "has_limits",
-    "of_pose",
-    "of_sweep",
-    "utilisations",
-]
-
 Floats = NDArray[np.float64]
 
 What = Literal["strain_limit", "yield_strength"]

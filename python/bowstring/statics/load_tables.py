@@ -16,25 +16,6 @@ from bowstring.validation import read
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = [
-    "FOLLOWER",
-    "FORCE",
-    "MOMENT",
-    "ON_DISKS",
-    "POINT_NUMBERS",
-    "WRENCH",
-    "InstantLoad",
-    "disk_shape",
-    "least_elements",
-    "per_disk",
-    "points_have_potential",
-    "row_of",
-    "same_points",
-    "table_of",
-    "with_arrays",
-    "without_wrenches",
-]
-
 Floats = NDArray[np.float64]
 
 _BESIDE_TIP: Final = attrgetter("disk_forces", "disk_moments", "point_loads", "line_forces", "base")

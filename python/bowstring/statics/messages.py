@@ -10,15 +10,6 @@ from numpy.typing import NDArray
 
 from bowstring.formatting import listed
 
-__all__ = [
-    "NEEDED",
-    "StaticsStatus",
-    "discretisation",
-    "of_actuation",
-    "of_solution",
-    "without_potential",
-]
-
 #: Status of an equilibrium.
 StaticsStatus = Literal["converged", "max_iterations", "unstable", "no_equilibrium"]
 

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import validation
 from bowstring.errors import InputError
 
-__all__ = ["Plane"]
-
 Floats = NDArray[np.float64]
 
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["solve", "solve_batch", "sweep"]
-
 Floats = NDArray[np.float64]
 
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["Scheme", "at_rest", "frames", "keep_start", "make", "stations"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from bowstring.statics.fields import Frames
     from bowstring.statics.limits import Utilisation
 
-__all__ = ["ErrorEstimate", "Solution", "Sweep", "joined", "solution"]
-
 Floats = NDArray[np.float64]
 
 

@@ -42,16 +42,6 @@ from bowstring.study.comparison import MEANINGS, Case, Model
 if TYPE_CHECKING:
     from bowstring.study import budget_rows as schema
 
-__all__ = [
-    "ASSUMED_FRICTION",
-    "COMMANDED",
-    "ActuationBudget",
-    "ActuationRow",
-    "Loop",
-    "actuation_budget",
-    "assumed_stiffness",
-]
-
 Array = NDArray[np.float64]
 Control = Literal["tension", "displacement"]
 Source = Literal["file", "calibrated", "assumed", "left_out"]

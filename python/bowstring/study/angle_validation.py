@@ -55,8 +55,6 @@ from bowstring.study.data_validation import (
     tip_poses,
 )
 
-__all__ = ["FRAMES", "AgainstAngles", "AngleComparison", "judge_angles"]
-
 Array = NDArray[np.float64]
 Frame = Literal["calibrated", "as_measured"]
 

@@ -31,16 +31,6 @@ from bowstring.statics.model import RodModel
 from bowstring.statics.solution import Sweep, joined
 from bowstring.study.comparison import Theory
 
-__all__ = [
-    "ArcCalibration",
-    "StudyCalibration",
-    "arc_gains",
-    "calibrate",
-    "calibrate_arc",
-    "predicted",
-    "rod_parameters",
-]
-
 Array = NDArray[np.float64]
 GravityFrom = Literal["file", "assumed", "calibrated"]
 

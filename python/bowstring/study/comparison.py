@@ -33,24 +33,6 @@ from bowstring.validity.loading import linear_bend
 if TYPE_CHECKING:
     from bowstring.study import budget_rows as schema
 
-__all__ = [
-    "COMPARISONS",
-    "CORRECTED",
-    "FITS",
-    "FROM_FORCE",
-    "LABELS",
-    "MEANINGS",
-    "PREDICTIONS",
-    "Case",
-    "Model",
-    "Theory",
-    "arcs_of",
-    "disks_by_arcs",
-    "points_by_arcs",
-    "poses_by_arcs",
-    "short",
-]
-
 Array = NDArray[np.float64]
 Theory = Literal["cosserat", "kirchhoff"]
 

@@ -19,15 +19,6 @@ if TYPE_CHECKING:
 
     from bowstring.study.data_validation import AgainstData
 
-__all__ = [
-    "measured_angles",
-    "measured_comparison",
-    "measured_errors",
-    "measured_parts",
-    "measured_residuals",
-    "measured_tip",
-]
-
 Array = NDArray[np.float64]
 
 _MODEL_LOOKS: Final = {

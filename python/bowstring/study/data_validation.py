@@ -58,24 +58,6 @@ from bowstring.study.calibration import (
 )
 from bowstring.study.comparison import FROM_FORCE, Theory, poses_by_arcs
 
-__all__ = [
-    "DATA_MODELS",
-    "FRAMES",
-    "SUBJECTS",
-    "Against",
-    "AgainstData",
-    "DataComparison",
-    "Effect",
-    "Loads",
-    "check_measurements",
-    "estimate_in_words",
-    "judge_data",
-    "loads_of",
-    "rows_in_words",
-    "rows_seen",
-    "tip_poses",
-]
-
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]

@@ -28,8 +28,6 @@ from bowstring.validity.effects import EFFECTS, Effect, Rods, with_values
 if TYPE_CHECKING:
     from bowstring.study import budget_rows as schema
 
-__all__ = ["GRAVITY", "SIDES", "Budget", "BudgetRow", "Contribution", "Side", "error_budget"]
-
 Array = NDArray[np.float64]
 Side = Literal["added", "removed", "in_sweep"]
 

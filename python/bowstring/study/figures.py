@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw"]
-
 Array = NDArray[np.float64]
 
 _TENDON_COLOURS: Final = ("red", "blue", "amber", "purple", "green")

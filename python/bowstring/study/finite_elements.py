@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from bowstring.fem.run import FeStatus
     from bowstring.study.data_validation import AgainstData
 
-__all__ = ["FiniteElements", "at_data", "solve"]
-
 Array = NDArray[np.float64]
 
 _SAME: Final = 1e-9  # relative difference of equal tensions

@@ -15,8 +15,6 @@ from bowstring.errors import BowstringError
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["FirstSegment", "first_segment"]
-
 Array = NDArray[np.float64]
 
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw_arc", "draw_module", "draw_spaces"]
-
 Array = NDArray[np.float64]
 
 _ELL, _RHO = "\N{SCRIPT SMALL L}", "\N{GREEK SMALL LETTER RHO}"

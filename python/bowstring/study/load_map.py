@@ -26,15 +26,6 @@ if TYPE_CHECKING:
     from bowstring.study.comparison import Model
     from bowstring.study.settings import Settings
 
-__all__ = [
-    "LOAD_AXES",
-    "caption_of_loads",
-    "check_load_axis",
-    "load_map",
-    "load_sentence",
-    "load_text",
-]
-
 Floats = NDArray[np.float64]
 
 LOAD_AXES: Final = ("payload", "tilt", "tip_force", "tip_force.x", "gravity.x")

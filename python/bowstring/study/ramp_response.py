@@ -33,18 +33,6 @@ from bowstring.study.comparison import Model
 if TYPE_CHECKING:
     from bowstring.dynamics.simulation import Status
 
-__all__ = [
-    "MODAL_DAMPING",
-    "Surface",
-    "Transient",
-    "check_rise",
-    "has_surface",
-    "slowest_frequency",
-    "surface_at_rest",
-    "transient",
-    "without_surface",
-]
-
 Array = NDArray[np.float64]
 
 MODAL_DAMPING: Final = 0.05

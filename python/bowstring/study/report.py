@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
-__all__ = ["default_folder", "write", "written_figures"]
-
 Progress = Callable[[str, float], None]
 
 

@@ -15,8 +15,6 @@ from bowstring.study.comparison import FROM_FORCE, MEANINGS, arcs_of
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["scene", "scene_text"]
-
 Array = NDArray[np.float64]
 
 _MOST_LOADS: Final = 60

@@ -60,8 +60,6 @@ from bowstring.validity.spread import Spread, assumed_distributions, sampled
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
 
-__all__ = ["as_measurements", "dynamics_of", "run_study", "settings_of"]
-
 Progress = Callable[[str, float], None]
 
 _ON_MATRIX: Final = (

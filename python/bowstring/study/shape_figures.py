@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from bowstring.study.study import Study
 
-__all__ = ["draw_shapes"]
-
 Array = NDArray[np.float64]
 
 _LOOKS: Final = {

@@ -40,8 +40,6 @@ from bowstring.study.design_map import has_too_many_disks
 if TYPE_CHECKING:
     from bowstring.study.sweeps import Statics
 
-__all__ = ["ShapeModel", "ShapeModels", "compare_shapes"]
-
 Array = NDArray[np.float64]
 Kind = Literal["constant_curvature", "fit", "prediction"]
 

@@ -13,8 +13,6 @@ from bowstring.statics.model import RodModel
 from bowstring.study.comparison import FROM_FORCE, MEANINGS, arcs_of
 from bowstring.study.study import Study
 
-__all__ = ["Backbones", "Shape", "backbones"]
-
 Array = NDArray[np.float64]
 
 

@@ -23,8 +23,6 @@ from bowstring.validity.loading import MAX_BEND, TRIED, turned
 if TYPE_CHECKING:
     from bowstring.statics.messages import StaticsStatus
 
-__all__ = ["GeometricSweep", "Statics", "arc_scale_of", "geometric_sweep", "static_sweep"]
-
 Array = NDArray[np.float64]
 
 _BACKBONE_POINTS: Final = 25  # points per segment

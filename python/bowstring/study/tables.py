@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
-__all__ = ["simulated", "study_tables", "write_csv"]
-
 Cell = str | float | int | None
 
 Table = tuple[str, list[str], list[Sequence[Cell]]]

@@ -28,17 +28,6 @@ from bowstring.study.error_budget import Budget
 from bowstring.validity.contour import runs
 from bowstring.validity.effects import DOMINANT, EFFECTS, Rods, acting, without
 
-__all__ = [
-    "Correction",
-    "Meaning",
-    "Range",
-    "Share",
-    "Verdict",
-    "corrections",
-    "judge",
-    "shares_of",
-]
-
 Array = NDArray[np.float64]
 
 _FINE_POINTS: Final = 401  # loads of the fine sweep

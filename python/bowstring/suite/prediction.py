@@ -32,8 +32,6 @@ from bowstring.suite.metrics import Observable
 from bowstring.suite.protocol import Model, SuiteSet, marker_disk
 from bowstring.suite.tables import Table, rows_of
 
-__all__ = ["Fitted", "arcs_of_shapes", "errors_of", "fitted", "observed"]
-
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 

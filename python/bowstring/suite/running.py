@@ -26,8 +26,6 @@ from bowstring.suite.prediction import Fitted, arcs_of_shapes, errors_of, fitted
 from bowstring.suite.protocol import Column, Figure, Model, SuiteSet
 from bowstring.suite.tables import Table
 
-__all__ = ["ModelResult", "SetResult", "SuiteScore", "run_set"]
-
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 

@@ -19,8 +19,6 @@ from bowstring.suite.protocol import built_in_sets, read_set, sets_in
 from bowstring.suite.running import SetResult, run_set
 from bowstring.units import quote
 
-__all__ = ["Suite", "run_suite", "write_suite"]
-
 Progress = Callable[[str, float], None]
 
 

@@ -17,8 +17,6 @@ from bowstring.uncertainty.paths import LOADS, NumberAtPath, NumbersByPath
 from bowstring.units import printable
 from bowstring.validation import numbers, shown
 
-__all__ = ["CALIBRATION", "read_calibration"]
-
 Floats = NDArray[np.float64]
 
 #: Key of the distributions, and name of the factor.

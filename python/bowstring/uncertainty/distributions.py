@@ -17,16 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring.errors import InputError
 from bowstring.validation import number, numbers, shown
 
-__all__ = [
-    "CorrelatedNormal",
-    "Distribution",
-    "LogNormal",
-    "Normal",
-    "Triangular",
-    "TruncatedNormal",
-    "Uniform",
-]
-
 Floats = NDArray[np.float64]
 
 #: Least share of a normal distribution that a truncation may keep.

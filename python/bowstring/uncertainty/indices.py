@@ -19,16 +19,6 @@ from bowstring.optional import load_extra
 from bowstring.uncertainty.sampling import MorrisDesign, SaltelliDesign
 from bowstring.validation import read, shown, whole
 
-__all__ = [
-    "IntervalEstimate",
-    "MorrisEffects",
-    "SobolIndices",
-    "checked_confidence",
-    "checked_outputs",
-    "morris_effects",
-    "sobol_indices",
-]
-
 Floats = NDArray[np.float64]
 
 #: Numbers of a chunk of resamples: 16 MB.

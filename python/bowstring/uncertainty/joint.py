@@ -30,8 +30,6 @@ from bowstring.uncertainty.paths import NumberAtPath, NumbersByPath
 from bowstring.units import printable, quote
 from bowstring.validation import shown
 
-__all__ = ["LEAST_PROBABILITY", "Distributions", "read_distributions"]
-
 Floats = NDArray[np.float64]
 
 #: Probability of the outermost samples: half a step of the 30 bits of a Sobol' sequence.

@@ -20,8 +20,6 @@ from bowstring.optional import load_extra
 from bowstring.uncertainty.joint import LEAST_PROBABILITY, Distributions
 from bowstring.validation import is_whole, shown, whole
 
-__all__ = ["Design", "MorrisDesign", "SaltelliDesign", "SobolSample", "evaluate"]
-
 Floats = NDArray[np.float64]
 
 _MOST_ROWS: Final = 10**9

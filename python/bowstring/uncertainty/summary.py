@@ -20,8 +20,6 @@ from bowstring.uncertainty.indices import (
 )
 from bowstring.validation import read, shown
 
-__all__ = ["Summary", "spread_text", "summarise"]
-
 Floats = NDArray[np.float64]
 
 _QUANTILES: Final = (0.025, 0.5, 0.975)

@@ -19,8 +19,6 @@ from bowstring.robot.stiffness import entry_of, mirrored
 from bowstring.units import NUMBER, has_no_unit, quote, read_number
 from bowstring.validation import shown
 
-__all__ = ["BY_DISPLACEMENT", "LOADS", "MOST_POINTS", "RAMPS", "Axis", "axes_of", "read_axis"]
-
 Floats = NDArray[np.float64]
 
 LOADS: Final = {

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from bowstring.validity.effects import DOMINANT
 from bowstring.validity.map_settings import MapSettings
 
-__all__ = ["causes_of", "coarse_step", "coarser", "main_cause"]
-
 Floats = NDArray[np.float64]
 
 _ROUNDING: Final = 1e-9  # metric below numerical resolution

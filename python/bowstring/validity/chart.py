@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from bowstring.robot.model import Robot
 
-__all__ = ["TOLERANCES", "Limit", "ValidityChart", "validity_chart"]
-
 Array = NDArray[np.float64]
 
 TOLERANCES: Final = (0.005, 0.05)

@@ -20,16 +20,6 @@ from bowstring.validity.chart_groups import Groups
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-__all__ = [
-    "MODELS",
-    "TABLE",
-    "ChartErrors",
-    "Response",
-    "chart_errors",
-    "largest_bend",
-    "monomials",
-]
-
 Array = NDArray[np.float64]
 
 MODELS: Final = (

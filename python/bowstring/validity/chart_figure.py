@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from bowstring.validity.chart import ValidityChart
 
-__all__ = ["caption", "draw", "force_limit", "force_reading", "lengths_limit", "lengths_reading"]
-
 Array = NDArray[np.float64]
 
 _PITCH: Final = 0.03  # r/l of the curves, on which it has little effect

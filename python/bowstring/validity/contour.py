@@ -8,8 +8,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Line", "Refined", "contours", "crossings", "halved", "holding", "runs"]
-
 Floats = NDArray[np.float64]
 Line = NDArray[np.float64]
 """Points (n, 2) of a line."""

@@ -38,9 +38,6 @@ from bowstring.validity.drawn import Drawn
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["ControlErrors", "control_errors"]
-
 Floats = NDArray[np.float64]
 CommandName = Literal[
     "tensions",

@@ -26,19 +26,6 @@ from bowstring.statics.rod import solve, solve_batch
 from bowstring.validation import instance, read
 from bowstring.validity.loading import whole_share
 
-__all__ = [
-    "BY_ARCS",
-    "COMMANDS",
-    "SCALES",
-    "Commander",
-    "check_some_solved",
-    "drawn_tensions",
-    "largest_tensions",
-    "no_pose",
-    "prepared",
-    "sobol_points",
-]
-
 Floats = NDArray[np.float64]
 
 COMMANDS: Final = {

@@ -12,8 +12,6 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 
-__all__ = ["check_dead_loads", "dead_loads", "gravity_of", "tilted"]
-
 Floats = NDArray[np.float64]
 
 _ON_GRAVITY: Final = ("payload", "tilt", "tilt_towards")

@@ -25,8 +25,6 @@ from bowstring.validity.dead_loads import dead_loads
 from bowstring.validity.effects import EFFECTS, Rods, acting, without
 from bowstring.validity.errors import Ramps, follow, tip_offsets
 
-__all__ = ["COUPLED", "DesignSpace", "RampErrors"]
-
 Floats = NDArray[np.float64]
 
 COUPLED: Final = "beside coupled strains of the backbone this effect is not examined"

@@ -18,18 +18,6 @@ from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.validity.effects import Rods
 from bowstring.validity.limit_search import gave_up, solve_ramps
 
-__all__ = [
-    "INPUTS",
-    "LABELS",
-    "LAWS",
-    "Ramps",
-    "arc_tips",
-    "displacement_per_bend",
-    "follow",
-    "tip_errors",
-    "tip_offsets",
-]
-
 Floats = NDArray[np.float64]
 
 LAWS: Final = {

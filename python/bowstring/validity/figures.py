@@ -27,17 +27,6 @@ if TYPE_CHECKING:
     from bowstring.validity.axes import Axis
     from bowstring.validity.spread import Spread
 
-__all__ = [
-    "CAUSES",
-    "SHADE",
-    "draw",
-    "draw_region",
-    "draw_spread",
-    "handles_of",
-    "in_words",
-    "title_of",
-]
-
 Floats = NDArray[np.float64]
 
 CAUSES: Final = {

@@ -12,8 +12,6 @@ from bowstring.jobs import threads
 from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.validity.effects import Rods
 
-__all__ = ["Solved", "solve_ramps"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 

@@ -17,19 +17,6 @@ from bowstring.statics import rod
 from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, number, shown, whole
 
-__all__ = [
-    "FARTHEST",
-    "MAX_BEND",
-    "TRIED",
-    "Loading",
-    "actuated",
-    "largest_load",
-    "linear_bend",
-    "named",
-    "turned",
-    "whole_share",
-]
-
 Floats = NDArray[np.float64]
 
 MAX_BEND: Final = math.radians(80.0)

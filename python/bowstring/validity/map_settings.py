@@ -26,16 +26,6 @@ from bowstring.validity.errors import LABELS
 from bowstring.validity.limit_search import reach
 from bowstring.validity.loading import Loading, largest_load, named
 
-__all__ = [
-    "METRICS",
-    "MapSettings",
-    "Metric",
-    "end_of_ramp",
-    "reach_of_ramp",
-    "read_axes",
-    "space_of",
-]
-
 Floats = NDArray[np.float64]
 Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
 

@@ -31,17 +31,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-
-__all__ = [
-    "MOST_SOLVES",
-    "STATES",
-    "UNSOLVED",
-    "ValidityMap",
-    "check_map_file",
-    "compute_map",
-    "validity_map",
-]
-
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 

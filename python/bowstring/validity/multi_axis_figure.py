@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from bowstring.validity.maps import ValidityMap
     from bowstring.validity.multi_axis_maps import ValidityGrid
 
-__all__ = ["draw_grid"]
-
 Floats = NDArray[np.float64]
 
 _WIDTH: Final = 7.4  # inches: three slices beside each other

@@ -27,9 +27,6 @@ from bowstring.validity.drawn import Drawn
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["Reach", "reach"]
-
 Floats = NDArray[np.float64]
 
 _POSES: Final = 2048

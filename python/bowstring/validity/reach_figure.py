@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from bowstring.validity.reach import Reach
 
-__all__ = ["draw_reach"]
-
 Floats = NDArray[np.float64]
 
 _CELLS: Final = 28  # hexagons along an axis

@@ -18,20 +18,6 @@ from bowstring.validity.loading import actuated
 from bowstring.validity.map_settings import MapSettings
 from bowstring.validity.maps import STATES, UNSOLVED, ValidityMap
 
-__all__ = [
-    "described",
-    "in_causes",
-    "in_not_examined",
-    "in_ranges",
-    "limits_in_words",
-    "notes_on_causes",
-    "notes_on_limits",
-    "notes_on_slack",
-    "sweep_in_words",
-    "undefined_in_words",
-    "unsolved_in_words",
-]
-
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 

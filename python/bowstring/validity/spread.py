@@ -42,9 +42,6 @@ from bowstring.validity.map_settings import end_of_ramp
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["Spread", "assumed_distributions", "sampled", "validity_spread"]
-
 Floats = NDArray[np.float64]
 
 _BLOCK: Final = 4096  # samples solved at a time

@@ -33,9 +33,6 @@ from bowstring.validity.sentences import in_causes, in_not_examined, undefined_i
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["WorkspaceMap", "workspace_map"]
-
 Floats = NDArray[np.float64]
 
 _POSES: Final = 2048

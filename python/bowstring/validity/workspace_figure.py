@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.validity.workspace import WorkspaceMap
 
-__all__ = ["draw_bar", "draw_cells", "draw_workspace", "extent", "keep_open", "places"]
-
 Floats = NDArray[np.float64]
 
 _CELLS: Final = 30  # hexagons along an axis

@@ -13,8 +13,6 @@ from bowstring.viz.style import LIGHT, legend_above, log_ticks, subplots
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw_path"]
-
 Floats = NDArray[np.float64]
 
 _LOOKS = (("blue", "-"), ("red", "--"))

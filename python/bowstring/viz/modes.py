@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from bowstring.dynamics.modal import Modes
 
-__all__ = ["draw_modes"]
-
 Array = NDArray[np.float64]
 
 _SWAY: Final = 0.12  # largest drawn displacement over length

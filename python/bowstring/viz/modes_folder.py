@@ -14,8 +14,6 @@ from bowstring.viz.style import figure_style, save_figure, save_figures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["write_modes"]
-
 Progress = Callable[[str, float], None]
 
 

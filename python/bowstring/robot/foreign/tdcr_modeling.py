@@ -13,8 +13,6 @@ from bowstring.errors import InputError
 from bowstring.robot.draft import Draft, Field, quantity, tendon, vector
 from bowstring.robot.foreign.values import Values, cpp, matlab, numbers
 
-__all__ = ["draft_cpp", "draft_matlab"]
-
 Floats = NDArray[np.float64]
 
 _NO_DENSITY: Final = Field("0 kg/m^3", assumed="density")

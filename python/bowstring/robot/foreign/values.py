@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.validation import floats
 
-__all__ = ["Call", "Values", "cpp", "matlab", "numbers", "python"]
-
 _MOST: Final = 1000  # numbers of an array
 _STEPS: Final = 20_000  # of a file; public ones need fewer than 1000
 _LONGEST: Final = 5000  # characters of a statement
