@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import IO, Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from bowstring.aliases import Bools, Floats
 from bowstring.data import matlab, motive, rosbag
 from bowstring.errors import InputError, library_errors
 from bowstring.files.atomic_io import readable
@@ -102,7 +102,7 @@ _NOT_MEASURED_TEXT: Final = re.compile(r"-3[.,]69731[0-9]+[eE]\+?0?28")
 _MISSING: Final = ("", "nan", "null", "na", "n/a", "#n/a", "none")
 
 
-def not_measured(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+def not_measured(values: Floats) -> Bools:
     """Whether numbers are an instrument's value for what it did not measure."""
     return np.abs(values - _NOT_MEASURED) < 1e-6 * abs(_NOT_MEASURED)
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.statics.simulator import Scheme
 from bowstring.units import quote, read_number, read_share
@@ -107,7 +107,7 @@ def _in_metres(tolerance: float | str, length: float) -> float:
     return found
 
 
-def with_ratio(scheme: Scheme, ratio: float, frequency_hz: NDArray[np.float64]) -> Scheme:
+def with_ratio(scheme: Scheme, ratio: float, frequency_hz: Floats) -> Scheme:
     """Return the scheme with mass and material damping for a damping ratio of two modes.
 
     The modes are the slowest and the first at least twice as fast, of these natural frequencies

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from bowstring.aliases import Floats
 
 _HEAD: Final = re.compile(rb"^ ([a-z ]+) \(.*?\) for set (\S+) and time +(\S+)\s*$", re.MULTILINE)
 

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import validation
+from bowstring.aliases import Floats, Progress
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fem import ccx, deck
 from bowstring.fem.fields import (
@@ -45,9 +45,6 @@ if TYPE_CHECKING:
 
 #: Status of finite elements.
 FeStatus = Literal["converged", "diverged", "killed", "out_of_memory", "no_space", "failed"]
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _FORMAT: Final = 3  # version of the cache; a change invalidates old results
 _TURN: Final = 0.12  # rad of tip rotation per static increment, by the linear law

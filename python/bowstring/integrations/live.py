@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.aliases import Floats
 from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.robot_arcs import RobotArcs
 from bowstring.dynamics.simulation import Run
@@ -43,8 +44,6 @@ if TYPE_CHECKING:
     _Subject: TypeAlias = Robot | Solution | Run | xr.Dataset
 
 __all__ = ["LiveRobot", "LiveView", "view"]
-
-Floats = NDArray[np.float64]
 
 _AROUND: Final = 16
 _POINTS: Final = 6  # points of a module

@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from bowstring.aliases import Floats
 
 if TYPE_CHECKING:
     from bowstring._core import Solution
-
-Floats = NDArray[np.float64]
 
 
 class Targets(NamedTuple):

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring import validation
 from bowstring._core import follow_branches
+from bowstring.aliases import Floats, Ints
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.results import Key, Result
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-Floats = NDArray[np.float64]
 Kind = Literal["limit_point", "bifurcation"]
 End = Literal["range", "closed", "joined", "collision", "unstable", "points", "lost"]
 
@@ -139,7 +138,7 @@ class Branch(Result):
     family of equal branches, and where it is not determined (`Solution.stable`)."""
     unstable_modes: Annotated[tuple[int | None, ...], Key()]
     """Number of negative eigenvalues of the second variation; None under a moment."""
-    neutral_modes: NDArray[np.int64]
+    neutral_modes: Ints
     """Number of eigenvalues (n,) that are zero within rounding."""
     disk_positions: Floats
     """Positions of the disks (n, N, 3), m."""

@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import validation
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
@@ -24,8 +25,6 @@ from bowstring.statics.solution import Solution, Sweep, solution
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-
-Floats = NDArray[np.float64]
 
 
 def solve(

@@ -8,11 +8,12 @@ write is never touched.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bowstring.aliases import Progress
 from bowstring.files.atomic_io import file_stem, write_whole
 from bowstring.files.result_folder import check_folder, write_listing
 from bowstring.formatting import number, signed
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
 
     from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
-
-Progress = Callable[[str, float], None]
 
 
 def default_folder(robot: Robot) -> Path:

@@ -13,7 +13,7 @@ import re
 import shutil
 import struct
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from xml.sax.saxutils import quoteattr
@@ -21,6 +21,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Progress
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import check_whole_folder, not_overwritten, write_whole
 from bowstring.robot.model import Robot, check_robot, check_round
@@ -42,10 +43,6 @@ __all__ = [
     "write_series",
     "write_vtk",
 ]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Progress = Callable[[str, float], None]
 
 _PVD: Final = "run.pvd"
 _MARK: Final = "<!-- Bowstring:"  # comment in the .pvd that identifies our files

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.validation import floats
 
@@ -37,7 +37,7 @@ class Call:
     """Values of the others, by name."""
 
 
-def numbers(value: Any) -> NDArray[np.float64]:
+def numbers(value: Any) -> Floats:
     """Value as an array of finite floats; ValueError if it is not one."""
     try:
         found = floats(value)
