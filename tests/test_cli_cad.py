@@ -22,12 +22,6 @@ from stages import Stages, by_name
 CAD = ("export", "amouri2019")
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.mark.cad
 def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
     bd = pytest.importorskip("build123d", exc_type=ImportError)
@@ -82,11 +76,11 @@ def test_the_drawing_needs_no_extra(
 
 @pytest.mark.parametrize("flag", ["--out=robot.step", "--picture=robot.png"])
 def test_without_the_extra(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flag: str
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch, flag: str
 ) -> None:
     monkeypatch.setitem(sys.modules, "build123d", None)
     says = "solids need build123d, which cannot be loaded; install it: pip install 'bowstring[cad]'"
-    refuses(shell, tmp_path, monkeypatch, says, *CAD, flag)
+    refuses(shell, here, says, *CAD, flag)
 
 
 @pytest.mark.cad
@@ -176,10 +170,10 @@ def test_the_study_shows_the_solid(
 
 
 def test_the_study_without_the_extra(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "build123d", None)
-    refuses(shell, tmp_path, monkeypatch, "solids need build123d", "study", "--solid")
+    refuses(shell, here, "solids need build123d", "study", "--solid")
 
 
 def test_a_precurved_robot_without_actuation_is_unloaded(shell: Shell, here: Path) -> None:

@@ -29,11 +29,6 @@ SOUND = (
 )
 
 
-@pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
 # -- simulate ----------------------------------------------------------------------------------
 
 

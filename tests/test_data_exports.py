@@ -39,11 +39,6 @@ class Motion:
 
 
 @pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
-@pytest.fixture(scope="module")
 def motion(robot: bs.Robot) -> Motion:
     time = STEP * np.arange(ROWS)
     bend, turn = 0.9 + 0.6 * np.sin(7 * time), 0.4 + 9 * time

@@ -37,11 +37,6 @@ def any_frame(rng: np.random.Generator) -> Rigid:
 
 
 @pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
-@pytest.fixture(scope="module")
 def tips(robot: bs.Robot) -> tuple[Array, Array]:
     """Tips bent in all directions: positions (20, 3), m, and rotations."""
     rng = np.random.default_rng(1)

@@ -63,11 +63,6 @@ string frame_id
 """
 
 
-@pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
 def _truth(robot: bs.Robot, time: Floats) -> tuple[Floats, Floats]:
     """Displacements (K, 3) and tips (K, 3) of arcs, m."""
     bend, turn = 0.9 + 0.6 * np.sin(2 * time), 0.4 + 3 * time

@@ -38,11 +38,6 @@ PLACE = Rigid.from_rotation_vector([0.3, -0.2, 1.0], [0.5, -0.1, 0.2])
 
 
 @pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
-@pytest.fixture(scope="module")
 def study(robot: bs.Robot) -> Bench:
     return set_up(robot, **STUDY)
 
@@ -655,12 +650,9 @@ FULL = (
 )
 
 
-def test_command(
-    shell: Shell, study: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_command(shell: Shell, study: Bench, here: Path) -> None:
     said = shell.json(*FULL)
-    found = read_measurements(tmp_path / "bench.csv")
+    found = read_measurements(here / "bench.csv")
     made = study.measure(1)
     np.testing.assert_allclose(found.points, made.points, atol=1e-12)
     assert said["source"] == "synthetic" and said["rows"] == 99 and said["repeats"] == 3
@@ -670,8 +662,8 @@ def test_command(
     for name in ("seed", "differences", "loads", "actual_robot_hash", "noise_m"):
         assert said["truth"][name] == made.truth[name], name
     assert said["files"] == {
-        "table": str(tmp_path / "bench.csv"),
-        "truth": str(tmp_path / "bench.truth.json"),
+        "table": str(here / "bench.csv"),
+        "truth": str(here / "bench.truth.json"),
     }
     assert said["robot"] == "amouri2019" and said["provenance"]["settings"]["seed"] == 1
     code, out, err = shell(*FULL)
@@ -681,8 +673,7 @@ def test_command(
     assert shell.json("bench", "check", "bench.csv")["source"] == "synthetic"
 
 
-def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_command_with_units(shell: Shell, here: Path) -> None:
     options = {
         "--displacements": '0:2 mm:0.006',
         "--tilt": "0.5 deg,90 deg",
@@ -708,26 +699,23 @@ def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.Mo
     assert truth["noise_m"] == 1e-5 and truth["seed"] == 0 and not truth["loads"]["unload"]
     (clamp,) = truth["differences"]
     assert clamp["actual"] == 0.003 and truth["loads"]["by"] == "tensions and displacements"
-    found = read_measurements(tmp_path / "bench.csv")
+    found = read_measurements(here / "bench.csv")
     np.testing.assert_allclose(found.displacements[:, 0], [0, 0.002, 0.004, 0.006])
     assert (found.tensions[:, 1:] == 0).all() and found.tool.tolist() == [0, 0, 0.008]
     shell.json(*COMMAND, "--tensions", "10,20,5")
-    assert read_measurements(tmp_path / "bench.csv").tensions[:, 0].tolist() == [10, 20, 5, 20, 10]
+    assert read_measurements(here / "bench.csv").tensions[:, 0].tolist() == [10, 20, 5, 20, 10]
     relaxes = ("--actual", "segments.0.backbone.relaxation=0.2", "--period", "10 s")
     found = shell.json(*COMMAND, "--tensions", "0:10:40", *relaxes)
     assert found["truth"]["loads"]["period_s"] == 10.0
     shell.json(*COMMAND, "--masses", "0:100 g:0.3")
-    masses = json.loads((tmp_path / "bench.truth.json").read_text())["loads"]["masses_kg"]
+    masses = json.loads((here / "bench.truth.json").read_text())["loads"]["masses_kg"]
     assert masses == [0, 0.1, 0.2, 0.3]
 
 
-def test_command_without_a_solution(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_command_without_a_solution(shell: Shell, here: Path) -> None:
     code, out, err = shell(*COMMAND, "--tensions", "10,1e6")
     assert (code, out) == (1, "") and "loads have no solution" in err
-    assert not list(tmp_path.iterdir())
+    assert not list(here.iterdir())
 
 
 def test_measured_data_are_never_replaced(

@@ -38,11 +38,6 @@ def float64() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
-@pytest.fixture(scope="module")
 def segments() -> bs.Robot:
     """Robot with two segments and six tendons."""
     return bs.load_robot("rao2021")

@@ -27,11 +27,6 @@ def torch() -> Any:
     return pytest.importorskip("torch", reason="needs torch", exc_type=ImportError)
 
 
-@pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
 def rows(count: int) -> np.ndarray:
     return np.random.default_rng(1).uniform(0.0, 40.0, (count, 3))
 
