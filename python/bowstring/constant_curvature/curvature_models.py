@@ -18,7 +18,7 @@ from bowstring.constant_curvature.arc import to_array
 from bowstring.constant_curvature.variable_curvature import MAX_DEGREE, VariableCurvature, legendre
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.arrays import principal_bending
-from bowstring.validation import is_whole, shown
+from bowstring.validation import whole
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
@@ -65,7 +65,7 @@ def fit_curvature(robot: Robot, disks: ArrayLike, degree: int) -> VariableCurvat
     NoSolutionError
         If the fit did not converge.
     """
-    order = _degree(degree)
+    order = whole("degree", degree, 0, MAX_DEGREE)
     count = len(robot.disks.station_m)
     rows = np.asarray(disks, dtype=float)
     if rows.ndim < 2 or rows.shape[-2:] != (count, 3):
@@ -240,7 +240,7 @@ def curvature_from_loads(
     InputError
         For tensions that are negative or not finite.
     """
-    order = _degree(degree)
+    order = whole("degree", degree, 0, MAX_DEGREE)
     given = to_array("tensions", tensions, len(robot.tendons.segment))
     bad = ~((given >= robot.tendons.least_tension_N) & np.isfinite(given))
     if bad.any():
@@ -395,11 +395,3 @@ def _newton(robot: Robot, loads: _Loads, start: Floats) -> Floats:
     scaled[~np.isfinite(scaled).all(axis=(1, 2))] = -np.eye(size)
     stable = known & (change < _CONVERGED) & (np.linalg.eigvalsh(scaled)[:, 0] > 0.0)
     return np.asarray(np.where(stable[:, None, None, None], bend, np.nan))
-
-
-def _degree(degree: int) -> int:
-    if not is_whole(degree) or not 0 <= degree <= MAX_DEGREE:
-        raise InputError(
-            f"degree is {shown(degree)}, it must be a whole number from 0 to {MAX_DEGREE}"
-        )
-    return int(degree)

@@ -85,8 +85,7 @@ class Settings:
         self.fineness.check()
         validation.number("stiffness", self.stiffness)
         validation.number("residual", self.residual)
-        if self.grip not in ("bonded", "sliding"):
-            raise InputError(f'grip is {self.grip!r}, it must be "bonded" or "sliding"')
+        validation.choice("grip", self.grip, ("bonded", "sliding"))
         if not 10.0 <= self.stiffness <= 1e6:
             raise InputError(
                 f"disks are {self.stiffness:g} times as stiff as the backbone; must be from 10 to "

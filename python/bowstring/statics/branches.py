@@ -87,12 +87,7 @@ class BranchSearch:
                     f"{name} is {value!r}, it must be a number above 0, up to {most:g}"
                 )
         for name, least, most in (("max_points", 2, 100_000), ("max_branches", 1, 1000)):
-            value = getattr(self, name)
-            whole = isinstance(value, int) and not isinstance(value, bool)
-            if not whole or not least <= value <= most:
-                raise InputError(
-                    f"{name} is {value!r}, it must be a whole number from {least} to {most}"
-                )
+            validation.whole(name, getattr(self, name), least, most)
         validation.truth("deflation", self.deflation)
 
 

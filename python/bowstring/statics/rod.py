@@ -202,8 +202,7 @@ def solve_batch(
     solutions of a sample of them (theory of statics, Globalisation). Where a load has several
     stable equilibria, the one that is found then depends on the other rows.
     """
-    if not (isinstance(threads, int) and 0 <= threads <= 1024):
-        raise InputError(f"threads is {threads!r}, it must be a whole number from 0 to 1024")
+    validation.whole("threads", threads, 0, 1024)
     check_robot(robot)
     disks = validation.truth("disks", disks)
     load, model = _rows(as_load(tensions, load)), as_model(model)

@@ -232,12 +232,9 @@ def _crossed(grid: Floats, level: float) -> Bools:
 
 def _points_around(cells: Bools) -> Bools:
     """Points (Y, X) of cells (Y - 1, X - 1) and of all cells beside them."""
-    size = (cells.shape[0] + 1, cells.shape[1] + 1)
-    wide = np.zeros((size[0] + 2, size[1] + 2), bool)
-    for i in range(4):
-        for j in range(4):
-            wide[i : i + cells.shape[0], j : j + cells.shape[1]] |= cells
-    return wide[1:-1, 1:-1]
+    from scipy.ndimage import binary_dilation
+
+    return np.asarray(binary_dilation(np.pad(cells, (0, 1)), np.ones((4, 4)), origin=-1))
 
 
 def _halved(

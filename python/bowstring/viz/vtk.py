@@ -27,7 +27,7 @@ from bowstring.files.atomic_io import check_whole_folder, not_overwritten, write
 from bowstring.robot.model import Robot, check_robot, check_round
 from bowstring.statics.fields import FIELDS, Section, surface_stress
 from bowstring.statics.model import RodModel
-from bowstring.validation import is_whole, shown
+from bowstring.validation import shown, whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -137,8 +137,7 @@ def write_vtk(
         If the folder cannot be written, the drive is full or the data are of another robot.
     """
     notify = progress or (lambda what, share: None)
-    if not is_whole(angles) or not 3 <= angles <= 1000:
-        raise InputError(f"angles is {shown(angles)}, it must be a whole number from 3 to 1000")
+    whole("angles", angles, 3, 1000)
     check_data(robot, data)
     folder = check_folder(out)
     parts = [_Backbone(robot, data, angles), _Disks(robot, data), Tendons(robot, data)]
