@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -122,9 +123,7 @@ def test_ctrl_c_reports_written_files(
     pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad import export, picture
 
-    def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
-
+    stopped = Mock(side_effect=KeyboardInterrupt)
     monkeypatch.setattr(picture, "draw_solid", stopped)
     files = ("--out", "robot.stl", "--picture", "robot.png", "--drawing", "disk.svg")
     code, out, err = shell(*CAD, *files)
