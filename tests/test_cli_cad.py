@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import bowstring as bs
+from bowstring.aliases import Progress
 from bowstring.robot.model import Robot
 from bowstring.study import run as study_module
 from bowstring.study.study import Study
@@ -102,7 +103,7 @@ def test_progress_begins_with_the_slow_import(
     reported: list[str] = []
 
     @contextmanager
-    def bar(first: str) -> Iterator[Callable[[str, float], None]]:
+    def bar(first: str) -> Iterator[Progress]:
         reported.append(first)
         yield lambda what, done: reported.append(what)
 

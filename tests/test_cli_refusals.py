@@ -42,7 +42,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["fk", "amouri2019", "--lengths", "1e999,1,1"], "too large"),
         (["fk", "amouri2019", "--lengths", "0.6,,0.6"], "got nothing"),
         (["fk", "amouri2019", "--lengths", ""], "got nothing"),
-        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6,"], "got nothing"),
         (["fk", "amouri2019", "--lengths", "0.6 0.6 0.6"], "more than one number"),
         (["fk", "amouri2019", "--lengths", "a,b,c"], 'got "a"'),
         (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 kg"], '"kg" is not a unit of length'),
@@ -59,7 +58,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["solve", "amouri2019", "--tension", "1"], "got 1 number;"),
         ([*LOADED, "--gravity", "9.81"], "--gravity: got 1 number"),
         ([*LOADED, "--tip-force", "1,2,3,4"], "--tip-force: got 4 numbers"),
-        ([*LOADED, "--tip-moment", "1,2"], "--tip-moment: got 2 numbers"),
         # values
         (["solve", "amouri2019", "--tension", "nan,0,0"], "not a number"),
         (["solve", "amouri2019", "--tension", "-1,0,0"], "a tendon cannot push"),
@@ -242,12 +240,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
     ("suite",): [(["--out", "mine"], "no suite of Bowstring")],
     SOLVE: [
         (["--displacement", "1,2"], "--displacement: got 2 numbers;"),
-        (["--displacement", "0,0,0,0"], "--displacement: got 4 numbers;"),
-        (["--displacement", ""], "--displacement: got "),
         (["--displacement", "0.01,-,0"], 'got "-", which is not a number'),
-        (["--displacement", "0.01,,0"], "got nothing"),
-        (["--displacement", "1 N,0,0"], '"N" is not a unit of length'),
-        (["--displacement", "nan,0,0"], "not a number"),
         (
             ["--displacement", "1,0,0"],
             "--displacement: got 1 m for tendon 1; must be less than the tendon's length, 0.641 m",
@@ -322,7 +315,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ),
         (["--tension", "80,0,0", "--from", "1"], "--from: got 1 entry"),
         (["--tension", "80,0,0", "--rise", "-1"], "--rise: got -1 s; must be 0 or more"),
-        (["--tension", "80,0,0", "--hold=-2 ms"], "--hold: got -0.002 s; must be 0 or more"),
         (["--tension", "80,0,0", "--rise", "nan"], '--rise: got "nan"'),
         (["--tension", "80,0,0", "--rise", "1e-13"], "--rise: got 1e-13 s; must be 0, which is"),
         (["--tension", "80,0,0", "--rise", "0", "--hold", "0"], "no time to simulate"),

@@ -14,16 +14,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.io import savemat
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.data.measurements import read_measurements
 from bowstring.errors import InputError
 
 ROWS = 24
 STEP = 0.02  # s, unless an export says otherwise
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

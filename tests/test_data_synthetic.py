@@ -15,9 +15,9 @@ import numpy as np
 import openpyxl
 import pytest
 from benchmarks import coverage
-from numpy.typing import NDArray
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.calibration import Fit, fit
 from bowstring.data import synthetic
 from bowstring.data.measurements import STANDARD_GRAVITY, read_measurements
@@ -30,8 +30,6 @@ from bowstring.statics import rod
 from objects import STUDY_BY_NAME, bench, refused
 from shell import Shell
 
-Array = NDArray[np.float64]
-
 MASSES = np.linspace(0, 8, 17)
 CLEAN: dict[str, Any] = {"noise": 0.0, "unload": False}
 PLACE = Rigid.from_rotation_vector([0.3, -0.2, 1.0], [0.5, -0.1, 0.2])
@@ -42,7 +40,7 @@ def study(robot: bs.Robot) -> Bench:
     return set_up(robot, **STUDY)
 
 
-def all_sides(count: int = 20) -> Array:
+def all_sides(count: int = 20) -> Floats:
     """Tensions that bend the robot in all directions, (count, 3), N."""
     rng = np.random.default_rng(1)
     tensions = rng.uniform(0, 40, (count, 3))
@@ -313,7 +311,7 @@ def test_a_disturbance_stays_after_registration(
         assert chi == pytest.approx(1.0, abs=4 * math.sqrt(2 / 294))
 
 
-def calibrated(robot: bs.Robot, rows: Array | None = None, **disturbance: Any) -> Fit:
+def calibrated(robot: bs.Robot, rows: Floats | None = None, **disturbance: Any) -> Fit:
     """Fit to the study's bench with a softer backbone, a displaced base and a disturbance."""
     E, *base = coverage.TRUTH[[0, 2, 3, 4, 5, 6, 7]]
     place = Rigid.from_rotation_vector(np.radians(base[3:]), 1e-3 * np.array(base[:3]))
@@ -382,7 +380,7 @@ def test_the_study(robot: bs.Robot, study: Bench) -> None:
 # -- the label and the truth -----------------------------------------------------------------------
 
 
-def rebuilt(truth: dict[str, Any]) -> Array:
+def rebuilt(truth: dict[str, Any]) -> Floats:
     """Rebuild the data of a bench of masses from its truth alone."""
     actual = Robot.model_validate(truth["actual_robot"])
     loads = truth["loads"]
