@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from bowstring import interrupts
+from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study import correction_polynomial, run
 from bowstring.study.run import run_study
@@ -18,6 +19,18 @@ from bowstring.study.study import Study
 from bowstring.validity import contour
 from made_once import common_folder, made_once
 from shell import Shell, process
+
+
+@pytest.fixture(scope="session")
+def robot() -> Robot:
+    """The paper's own robot."""
+    return load_robot("amouri2019")
+
+
+@pytest.fixture(scope="session")
+def rao() -> Robot:
+    """Two segments."""
+    return load_robot("rao2021")
 
 
 @pytest.fixture(scope="session")
@@ -68,6 +81,13 @@ def no_interrupt_outlives_its_test() -> Iterator[None]:
     for number, handler in before.items():
         signal.signal(number, handler)
     interrupts.acknowledge()
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working folder, which is empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.fixture

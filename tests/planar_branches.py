@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Legendre
 from numpy.polynomial.legendre import leggauss
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from bowstring.aliases import Floats
 
 
 @dataclass

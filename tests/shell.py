@@ -61,19 +61,11 @@ class Shell:
         return err.removeprefix("Error: ").strip()
 
 
-def refuses(
-    shell: Shell,
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    says: str | tuple[str, ...],
-    *arguments: str,
-) -> None:
-    """Check that a command in a folder rejects its input in these words, and changes no file.
+def refuses(shell: Shell, folder: Path, says: str | tuple[str, ...], *arguments: str) -> None:
+    """Check that a command in the working folder rejects its input, and changes no file.
 
     One file exists: ``mine/notes.txt``.
-
     """
-    monkeypatch.chdir(folder)
     mine = folder / "mine" / "notes.txt"
     mine.parent.mkdir()
     mine.write_text("keep me")

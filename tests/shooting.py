@@ -6,13 +6,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import bowstring as bs
-
-Floats = NDArray[np.float64]
+from bowstring.aliases import Floats
 
 
 class Shooting:

@@ -12,17 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from steputils import p21
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.cad.export import write_solid
 from bowstring.cad.solid import Solid, make_solid
 
 pytest.importorskip("build123d", exc_type=ImportError)
 pytestmark = pytest.mark.cad
-
-Floats = NDArray[np.float64]
 
 # tendons 1 to 3 share holes with 4 to 6, and the backbones meet: solids that touch
 ROBOT = bs.load_robot(

@@ -47,11 +47,6 @@ BENCHES = [
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
-    return bs.load_robot("amouri2019")
-
-
-@pytest.fixture(scope="module")
 def remembered() -> ModelComparison:
     """Comparison on a bench with backlash."""
     return compared(True, "backlash", 0, 60)

@@ -56,11 +56,6 @@ def truth(robot: Robot, tensions: Floats) -> Floats:
     return np.asarray(late + noise)
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return bs.load_robot("amouri2019")
-
-
 def table(robot: Robot, seed: int) -> Measurements:
     tensions, group = loops(seed, 8.0)
     time = np.arange(len(tensions)) * 1.0

@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -314,11 +315,8 @@ def test_the_study_of_another_robot_file_of_this_name_is_kept(
 def test_study_stopped_half_way_writes_nothing(
     shell: Shell, paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stopped(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
     monkeypatch.setattr(study_module, "run_study", lambda robot, **_: paper)
-    monkeypatch.setattr("bowstring.study.figures.draw", stopped)
+    monkeypatch.setattr("bowstring.study.figures.draw", Mock(side_effect=KeyboardInterrupt))
     folder = tmp_path / "out"
     code, out, err = shell("study", "--out", str(folder))
     assert (code, out, err) == (130, "", "Stopped: nothing was written.\n")
@@ -452,10 +450,7 @@ def test_ascii_terminal(tmp_path: Path) -> None:
 
 
 def test_a_bug_is_not_reported_as_bad_input(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object) -> None:
-        raise ZeroDivisionError
-
-    monkeypatch.setattr(reader, "robot_names", broken)
+    monkeypatch.setattr(reader, "robot_names", Mock(side_effect=ZeroDivisionError))
     code, out, err = shell("robots")
     assert code == 70 and not out
     assert "ZeroDivisionError" in err and err.endswith("report it with the lines above.\n")
@@ -467,10 +462,7 @@ def test_a_bug_is_not_reported_as_bad_input(shell: Shell, monkeypatch: pytest.Mo
 def test_a_numerical_exception_is_one_sentence(
     error: Exception, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def singular(*_: object) -> None:
-        raise error
-
-    monkeypatch.setattr(reader, "robot_names", singular)
+    monkeypatch.setattr(reader, "robot_names", Mock(side_effect=error))
     code, out, err = shell("robots")
     assert code == 1 and not out and err.count("\n") == 1
     assert err.startswith("Error: the computation fails for these numbers (in ")
@@ -478,10 +470,7 @@ def test_a_numerical_exception_is_one_sentence(
 
 
 def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(reader, "robot_names", stopped)
+    monkeypatch.setattr(reader, "robot_names", Mock(side_effect=KeyboardInterrupt))
     assert shell("robots") == (130, "", "Stopped: nothing was written.\n")
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 import bowstring as bs
+from bowstring.aliases import Progress
 from bowstring.robot.model import Robot
 from bowstring.study import run as study_module
 from bowstring.study.study import Study
@@ -20,12 +22,6 @@ from shell import Shell, refuses
 from stages import Stages, by_name
 
 CAD = ("export", "amouri2019")
-
-
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.mark.cad
@@ -82,11 +78,11 @@ def test_the_drawing_needs_no_extra(
 
 @pytest.mark.parametrize("flag", ["--out=robot.step", "--picture=robot.png"])
 def test_without_the_extra(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flag: str
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch, flag: str
 ) -> None:
     monkeypatch.setitem(sys.modules, "build123d", None)
     says = "solids need build123d, which cannot be loaded; install it: pip install 'bowstring[cad]'"
-    refuses(shell, tmp_path, monkeypatch, says, *CAD, flag)
+    refuses(shell, here, says, *CAD, flag)
 
 
 @pytest.mark.cad
@@ -107,7 +103,7 @@ def test_progress_begins_with_the_slow_import(
     reported: list[str] = []
 
     @contextmanager
-    def bar(first: str) -> Iterator[Callable[[str, float], None]]:
+    def bar(first: str) -> Iterator[Progress]:
         reported.append(first)
         yield lambda what, done: reported.append(what)
 
@@ -128,9 +124,7 @@ def test_ctrl_c_reports_written_files(
     pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad import export, picture
 
-    def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
-
+    stopped = Mock(side_effect=KeyboardInterrupt)
     monkeypatch.setattr(picture, "draw_solid", stopped)
     files = ("--out", "robot.stl", "--picture", "robot.png", "--drawing", "disk.svg")
     code, out, err = shell(*CAD, *files)
@@ -176,10 +170,10 @@ def test_the_study_shows_the_solid(
 
 
 def test_the_study_without_the_extra(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "build123d", None)
-    refuses(shell, tmp_path, monkeypatch, "solids need build123d", "study", "--solid")
+    refuses(shell, here, "solids need build123d", "study", "--solid")
 
 
 def test_a_precurved_robot_without_actuation_is_unloaded(shell: Shell, here: Path) -> None:

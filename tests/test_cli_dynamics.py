@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -27,11 +28,6 @@ SOUND = (
     "status steps error_estimate t_s tip_position_m real_time_factor message files robot warnings "
     "provenance"
 )
-
-
-@pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
 
 
 # -- simulate ----------------------------------------------------------------------------------
@@ -138,9 +134,7 @@ def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
 def test_a_run_that_is_written_is_named_where_another_file_fails(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object) -> None:
-        raise InputError("cannot write it: No space left on device")
-
+    full = Mock(side_effect=InputError("cannot write it: No space left on device"))
     monkeypatch.setattr("bowstring.integrations.gltf.write_glb", full)
     out = tmp_path / "run.nc"
     files = ("--out", str(out), "--out", str(tmp_path / "run.glb"))
@@ -389,10 +383,7 @@ def test_stopped_while_the_result_is_printed(
 ) -> None:
     """By then there is a file, or nothing, and the message says which."""
 
-    def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("bowstring.cli.output.write", stopped)
+    monkeypatch.setattr("bowstring.cli.output.write", Mock(side_effect=KeyboardInterrupt))
     out = tmp_path / "run.nc"
     for file in (out, tmp_path / "run.csv"):
         says = f"the result is not printed whole; {file} is written.\n"

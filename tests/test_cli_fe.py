@@ -122,19 +122,8 @@ def test_foreign_folders_are_not_changed(
 ) -> None:
     (here / "sub").mkdir()
     (here / "sub" / "other").mkdir()
-    robot = str(here / "small.yaml")
-    refuses(
-        shell,
-        here / "sub",
-        monkeypatch,
-        "no finite elements of Bowstring",
-        "fe",
-        robot,
-        "--tension",
-        "40,0,0",
-        "--out",
-        "mine",
-    )
-    assert "not an empty folder" in shell.error(
-        "fe", robot, "--tension", "40,0,0", "--keep", "mine"
-    )
+    monkeypatch.chdir(here / "sub")
+    command = ("fe", str(here / "small.yaml"), "--tension", "40,0,0")
+    said = "no finite elements of Bowstring"
+    refuses(shell, here / "sub", said, *command, "--out", "mine")
+    assert "not an empty folder" in shell.error(*command, "--keep", "mine")

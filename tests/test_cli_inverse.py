@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -106,16 +107,11 @@ def test_a_table_that_is_written_is_named_where_its_figure_fails(
     arguments = ("ik", "rao2021", "--path", str(file), "--out", str(out))
     only = f"of the files only {out} is written"
 
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
+    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
     monkeypatch.setattr(style, "save", full)
     assert shell.error(*arguments).endswith(f"No space left on device; {only}")
 
-    def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(style, "save", stopped)
+    monkeypatch.setattr(style, "save", Mock(side_effect=KeyboardInterrupt))
     assert shell(*arguments) == (130, "", f"Stopped: {only}.\n")
     assert out.exists() and not out.with_suffix(".png").exists()
 

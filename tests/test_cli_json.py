@@ -89,11 +89,8 @@ def test_numbers_have_known_units_and_texts_have_none(command: str) -> None:
     ],
     ids=lambda arguments: " ".join(arguments[:2]),
 )
-def test_json_of_commands(
-    arguments: tuple[str, ...], shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_json_of_commands(arguments: tuple[str, ...], shell: Shell, here: Path) -> None:
     """Variants that no other test prints; the schema is all that is asked here."""
-    monkeypatch.chdir(tmp_path)
     shell.json(*arguments)
 
 

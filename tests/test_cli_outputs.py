@@ -19,12 +19,6 @@ OVER = ("--over", "E=30 GPa:40 GPa:2")
 BENCH = ("bench", "simulate", "amouri2019", "--masses", "0:1:2", "--repeats", "1")
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def foreign(path: Path) -> bytes:
     """A file of the type of its extension, written by another program."""
     if path.suffix in (".png", ".svg", ".pdf"):

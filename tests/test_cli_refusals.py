@@ -42,7 +42,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["fk", "amouri2019", "--lengths", "1e999,1,1"], "too large"),
         (["fk", "amouri2019", "--lengths", "0.6,,0.6"], "got nothing"),
         (["fk", "amouri2019", "--lengths", ""], "got nothing"),
-        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6,"], "got nothing"),
         (["fk", "amouri2019", "--lengths", "0.6 0.6 0.6"], "more than one number"),
         (["fk", "amouri2019", "--lengths", "a,b,c"], 'got "a"'),
         (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 kg"], '"kg" is not a unit of length'),
@@ -59,7 +58,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["solve", "amouri2019", "--tension", "1"], "got 1 number;"),
         ([*LOADED, "--gravity", "9.81"], "--gravity: got 1 number"),
         ([*LOADED, "--tip-force", "1,2,3,4"], "--tip-force: got 4 numbers"),
-        ([*LOADED, "--tip-moment", "1,2"], "--tip-moment: got 2 numbers"),
         # values
         (["solve", "amouri2019", "--tension", "nan,0,0"], "not a number"),
         (["solve", "amouri2019", "--tension", "-1,0,0"], "a tendon cannot push"),
@@ -67,7 +65,10 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ([*LOADED, "--theory", "timoshenko"], "is not one of 'cosserat', 'kirchhoff'"),
         ([*LOADED, "--elements", "3"], ("--elements: got 3", "must be 1, 2, 4 or 8")),
         # geometry
-        (["fk", "amouri2019", "--lengths", "0.1,0.9,0.9"], "more than a full turn"),
+        (
+            ["fk", "amouri2019", "--lengths", "0.1,0.9,0.9"],
+            ("--lengths: segment 1: ", "more than a full turn"),
+        ),
         (["ik", "amouri2019", "--tip", "0,0,5"], "out of reach"),
         (["ik", "amouri2019", "--tip", "0,0,1e155"], "out of reach"),
         (
@@ -139,21 +140,94 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ((*COMPARE, "--start", "calibration.json"), "leave --start out"),
         ((*COMPARE, "--folds", "16"), "too few to compare models"),
         ((*FIT, "--parameter", E, "--validate", str(TABLE)), "is the table that is fitted"),
-        ((*FIT, "--parameter", E, "--start", "no.json"), "cannot read no.json"),
+        ((*FIT, "--parameter", E, "--start", "no.json"), "--start: cannot read no.json"),
         ((*FIT, "--parameter", E, "--gravity-on-masses", "-1"), "--gravity-on-masses: got -1"),
         ((*FIT, "--parameter", E, "--out", "mine"), "existing files are not overwritten"),
         (("fit", "rao2021", "--measurements", str(TABLE), "--parameter", E), "rao2021 has 6"),
-        (of("--measurements", "no.csv", "--parameter", E), "no.csv"),
+        (of("--measurements", "no.csv", "--parameter", E), "no.csv: the table cannot be"),
+        (
+            ["solve", "amouri2019", "--tension", "10 mm,0,0"],
+            '--tension: got "10 mm", but "mm" is not a unit of force; write',
+        ),
+        (["study", "--tolerance", "0"], "--tolerance: got 0; must be a share"),
+        (
+            ["study", "--tolerance", "0.5 N"],
+            (
+                '--tolerance: got "0.5 N"; must be a share of the length above 0 and below 1, '
+                'such as 0.01 or "1 %", or a length such as "0.5 mm".',
+            ),
+        ),
+        (
+            ["study", "--modal-damping", "5 N"],
+            '--modal-damping: got "5 N"; must be a share of critical damping',
+        ),
+        (
+            ["simulate", "amouri2019", "--tension", "1,0,0", "--tolerance", "0 %"],
+            '--tolerance: got "0 %"; must be a length above 0, such as "1 um"',
+        ),
+        (["study", "--max-tension", "-5"], "--max-tension: got -5 N"),
+        (["study", "--points", "1"], ("--points: got 1", "from 2 to 1000")),
+        (
+            ["study", "--tendon", "4"],
+            "--tendon: got 4; must be a tendon of amouri",
+        ),
+        (["study", "--tendon", "1,"], "--tendon: got nothing; must be a tendon"),
+        (["study", "--tendon", "1:0"], "--tendon: the share of tendon 1 is 0.0; must be above"),
+        (["study", "--tendon", "1,1"], "--tendon: tendon 1 is there twice"),
+        (
+            ["study", "--tendon", "1:50 %"],
+            "--tendon: the largest share of the actuated tendons is 0.5;",
+        ),
+        (["study", "--tendon", "1,2,3"], ("--tendon: ", "balance each other")),
+        (["study", "--max-tension", "1e7"], "--max-tension: by the linear law"),
+        (["study", "--measurements", "no.csv"], "--measurements: no.csv: the table cannot"),
+        (
+            [*SOLVE, "--angle", "70 rad,0,0", "--set", "segments.0.tendons.spool_radius=1 cm"],
+            "--angle: displacement of tendon 1 is 0.7",
+        ),
+        (["solve", "no", "--set", "foo=1", "--tension", "1,0,0"], "no is neither a file"),
+        ([*SOLVE, "--set", "foo=1", "--tension", "1,0,0"], "--set: amouri2019: foo: unknown"),
+        (
+            [*SIMULATE, "--displacement", "0.9,0,0"],
+            "--displacement: the displacement of tendon 1 is 0.9 m at 1",
+        ),
+        (
+            [*SIMULATE, "--displacement", "0,0,0", "--from-displacement", "0.9,0,0"],
+            (
+                "--displacement or --from-displacement: ",
+                "the displacement of tendon 1 is 0.9 m at 0 s",
+            ),
+        ),
+        (
+            [*BENCH, "--displacements", "0:0.5:1"],
+            "--displacements: got 1 m for tendon 1; must be less than",
+        ),
+        ([*BENCHED, "--drift", "1e9,0,0"], "--drift: got 1e+09 m; must be up to 1e+06 m"),
+        ([*BENCHED, "--friction", "100"], "--friction: amouri2019: segments[0].tendons.f"),
+        ([*BENCHED, "--actual", "foo=1"], "--actual: amouri2019: foo: unknown field"),
+        ([*FITTED, "--data", "no"], '--data: there is no data set "no"'),
+        (
+            [*FITTED, "--data", "ucl-planar-shape", "--part", "no"],
+            "--part: ucl-planar-shape has no",
+        ),
+        (
+            [*FITTED, "--measurements", "no.csv", "--mapping", "no.yaml"],
+            "--mapping: Mapping no.yaml is neither",
+        ),
+        (["fe", "amouri2019", "--tension", "1,0,0", "--stiffness", "0"], "--stiffness: got 0;"),
+        (
+            ["fe", "amouri2019", "--tension", "1,0,0", "--loads", "x"],
+            ('--loads: got "x"', "for example --loads 10:10:80"),
+        ),
     ],
     ("study",): [
-        (["--measurements", "data.csv"], "data.csv"),
         (["--tolerance", "150 %"], "tolerance"),
         (["--tolerance", "nan"], "must be a share of the length above 0 and below 1"),
         (["--max-tension", "1,2"], "write one"),
         (["--points", "1e9"], "--points"),
         (["--rise", "0"], "--rise: got 0 s; must be positive"),
         (["--rise", "5 mm"], '--rise: got "5 mm", but "mm" is not a unit of time'),
-        (["--rise", "0.1"], "must be from 0.11 to 87.7 s"),
+        (["--rise", "0.1"], "--rise: got 0.1 s; must be from 0.11 to 87.7 s"),
         (["--modal-damping", "120 %"], "--modal-damping"),
         (["--out", ""], "no study of Bowstring"),
         (["--out", "mine"], ("--out: cannot write the study", "no study of Bowstring")),
@@ -166,12 +240,7 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
     ("suite",): [(["--out", "mine"], "no suite of Bowstring")],
     SOLVE: [
         (["--displacement", "1,2"], "--displacement: got 2 numbers;"),
-        (["--displacement", "0,0,0,0"], "--displacement: got 4 numbers;"),
-        (["--displacement", ""], "--displacement: got "),
         (["--displacement", "0.01,-,0"], 'got "-", which is not a number'),
-        (["--displacement", "0.01,,0"], "got nothing"),
-        (["--displacement", "1 N,0,0"], '"N" is not a unit of length'),
-        (["--displacement", "nan,0,0"], "not a number"),
         (
             ["--displacement", "1,0,0"],
             "--displacement: got 1 m for tendon 1; must be less than the tendon's length, 0.641 m",
@@ -244,11 +313,8 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
             [],
             "give --tension T1,T2,..., --displacement P1,P2,..., --angle A1,A2,... or --table FILE",
         ),
-        (["--tension", "80,0"], "--tension: got 2 numbers"),
-        (["--tension", "80,0,-1"], "a tendon cannot push"),
         (["--tension", "80,0,0", "--from", "1"], "--from: got 1 entry"),
         (["--tension", "80,0,0", "--rise", "-1"], "--rise: got -1 s; must be 0 or more"),
-        (["--tension", "80,0,0", "--hold=-2 ms"], "--hold: got -0.002 s; must be 0 or more"),
         (["--tension", "80,0,0", "--rise", "nan"], '--rise: got "nan"'),
         (["--tension", "80,0,0", "--rise", "1e-13"], "--rise: got 1e-13 s; must be 0, which is"),
         (["--tension", "80,0,0", "--rise", "0", "--hold", "0"], "no time to simulate"),
@@ -277,9 +343,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         ),
         (["--tension", "80,0,0", "--spectral-radius", "1.1"], "--spectral-radius: got 1.1"),
         (["--tension", "80,0,0", "--spectral-radius", "nan"], "--spectral-radius: got nan"),
-        (["--tension", "80,0,0", "--elements", "5"], "--elements: got 5"),
-        (["--tension", "80,0,0", "--gravity", "9.81"], "--gravity: got 1 number"),
-        (["--tension", "80,0,0", "--theory", "beam"], "is not one of"),
         # tables
         (["--table", "none.csv"], "--table: none.csv: the table cannot be read: No such file"),
         (["--table", "/dev/zero"], "/dev/zero: the table is too large; 100 MB are read"),
@@ -303,15 +366,9 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (["--tension", "80,0,0", "--out", "f.gif", "--vtk", "f.gif/g"], "a folder there"),
     ],
     (*SIMULATE, "--out", "run.nc"): [
-        (["--displacement", "0.01,-,0"], 'got "-", which is not a number'),
-        (["--displacement", "0.7,0,0"], "must be less than the tendon's length, 0.641 m"),
         (
             ["--displacement", "0.01,0,0", "--rise", "0"],
             "jumps from 0 m to 0.01 m at 0 s, but the tendon is inextensible",
-        ),
-        (
-            ["--tension", "1,-,-", "--displacement", "0,0,0"],
-            "tendon 1 has --tension and --displacement",
         ),
         (
             ["--tension", "1,0,0", "--from-displacement", "0,0,0"],
@@ -329,7 +386,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
             ["--displacement", "0,0,0", "--from-displacement", "x,0,0"],
             '--from-displacement: got "x"',
         ),
-        (["--angle", "1,0,0"], "tendon 1 of amouri2019 has no spool_radius"),
         (["--displacement", "0,0,0", "--table", "a.csv"], "leave --displacement out"),
         (
             ["--displacement", "0,0,0", "--history", "none.json"],
@@ -339,11 +395,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
     ("modes", "amouri2019"): [
         (["--count", "0"], "--count: got 0; must be from 1 to 1000"),
         (["--count", "1e9"], "--count"),
-        (["--tension", "1"], "--tension: got 1 number"),
-        (["--tension", "1,1,-1"], "a tendon cannot push"),
-        (["--elements", "3"], "--elements: got 3"),
-        (["--tip-force", "1"], "--tip-force: got 1 number"),
-        (["--gravity", "0,0,x"], '--gravity: got "x"'),
         (["--out", "mine"], ("--out: cannot write the modes", "no modes of Bowstring")),
         (["--out", "mine/notes.txt"], "is a file"),
         (["--out", "modes.png"], "--out: cannot write the modes to modes.png: it is a folder"),
@@ -408,8 +459,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
         (("--picture", "robot.jpg"), "--picture: cannot write the picture to robot.jpg: its name"),
         (("--drawing", "none/disk.svg"), "--drawing: cannot write the drawing to none/disk.svg"),
         (("--picture", "a.png", "--drawing", "a.png"), "--out, --picture and --drawing name"),
-        (("--out", "r.step", "--tension", "80,0"), "--tension: got 2 numbers"),
-        (("--out", "r.step", "--tension", "-1,0,0"), "cannot push"),
         (
             ("--out", "r.step", "--set", "segments.0.disks.thickness=0 mm"),
             "segments[0].disks.thickness is 0 mm, which makes no solid",
@@ -425,102 +474,6 @@ FLAGS: dict[tuple[str, ...], list[tuple[Sequence[str], str | tuple[str, ...]]]] 
     ],
 }
 
-#: Whole commands, whose message begins with their flag; tried without --json.
-NAMED: list[tuple[Sequence[str], str | tuple[str, ...]]] = [
-    (["fk", "amouri2019", "--lengths", "0.4,0.76,0.76"], ("--lengths: segment 1: ", "turn")),
-    (
-        ["solve", "amouri2019", "--tension", "10 mm,0,0"],
-        '--tension: got "10 mm", but "mm" is not a unit of force; write',
-    ),
-    (["study", "--tolerance", "0"], "--tolerance: got 0; must be a share"),
-    (
-        ["study", "--tolerance", "0.5 N"],
-        (
-            '--tolerance: got "0.5 N"; must be a share of the length above 0 and below 1, such as '
-            '0.01 or "1 %", or a length such as "0.5 mm".',
-        ),
-    ),
-    (
-        ["study", "--modal-damping", "5 N"],
-        '--modal-damping: got "5 N"; must be a share of critical damping',
-    ),
-    (
-        ["simulate", "amouri2019", "--tension", "1,0,0", "--tolerance", "0 %"],
-        '--tolerance: got "0 %"; must be a length above 0, such as "1 um"',
-    ),
-    (["study", "--max-tension", "-5"], "--max-tension: got -5 N"),
-    (["study", "--points", "1"], ("--points: got 1", "from 2 to 1000")),
-    (
-        ["study", "--tendon", "4"],
-        "--tendon: got 4; must be a tendon of amouri",
-    ),
-    (["study", "--tendon", "1,"], "--tendon: got nothing; must be a tendon"),
-    (["study", "--tendon", "1:0"], "--tendon: the share of tendon 1 is 0.0; must be above"),
-    (["study", "--tendon", "1,1"], "--tendon: tendon 1 is there twice"),
-    (
-        ["study", "--tendon", "1:50 %"],
-        "--tendon: the largest share of the actuated tendons is 0.5;",
-    ),
-    (["study", "--tendon", "1,2,3"], ("--tendon: ", "balance each other")),
-    (["study", "--rise", "1e-9"], "--rise: got 1e-09 s; must be from 0.11 to 87.7 s"),
-    (["study", "--max-tension", "1e7"], "--max-tension: by the linear law"),
-    (["study", "--measurements", "no.csv"], "--measurements: no.csv: the table cannot"),
-    (
-        [*SOLVE, "--angle", "70 rad,0,0", "--set", "segments.0.tendons.spool_radius=1 cm"],
-        "--angle: displacement of tendon 1 is 0.7",
-    ),
-    ([*SOLVE, "--tension", "1,2"], "--tension: got 2 numbers"),
-    (["solve", "no", "--set", "foo=1", "--tension", "1,0,0"], "no is neither a file"),
-    ([*SOLVE, "--set", "foo=1", "--tension", "1,0,0"], "--set: amouri2019: foo: unknown"),
-    (
-        [*SIMULATE, "--displacement", "0.9,0,0"],
-        "--displacement: the displacement of tendon 1 is 0.9 m at 1",
-    ),
-    (
-        [*SIMULATE, "--displacement", "0,0,0", "--from-displacement", "0.9,0,0"],
-        ("--displacement or --from-displacement: the displacement of tendon 1 is 0.9 m at 0 s",),
-    ),
-    (
-        [*BENCH, "--displacements", "0:0.5:1"],
-        "--displacements: got 1 m for tendon 1; must be less than",
-    ),
-    ([*BENCHED, "--drift", "1e9,0,0"], "--drift: got 1e+09 m; must be up to 1e+06 m"),
-    ([*BENCHED, "--friction", "100"], "--friction: amouri2019: segments[0].tendons.f"),
-    ([*BENCHED, "--actual", "foo=1"], "--actual: amouri2019: foo: unknown field"),
-    ([*FITTED, "--data", "no"], '--data: there is no data set "no"'),
-    (
-        [*FITTED, "--data", "ucl-planar-shape", "--part", "no"],
-        "--part: ucl-planar-shape has no",
-    ),
-    ([*FITTED, "--measurements", "no.csv"], "--measurements: no.csv: the table cannot be"),
-    (
-        [*FITTED, "--measurements", "no.csv", "--mapping", "no.yaml"],
-        "--mapping: Mapping no.yaml is neither",
-    ),
-    (
-        [*FITTED, "--measurements", "no.csv", "--start", "no.json"],
-        "--start: cannot read no.json",
-    ),
-    (["fe", "amouri2019", "--tension", "1,0,0", "--stiffness", "0"], "--stiffness: got 0;"),
-    (
-        ["fe", "amouri2019", "--tension", "1,0,0", "--loads", "x"],
-        ('--loads: got "x"', "for example --loads 10:10:80"),
-    ),
-]
-
-
-@pytest.mark.parametrize(("arguments", "says"), NAMED)
-def test_flags_are_named(
-    shell: Shell,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: Sequence[str],
-    says: str | tuple[str, ...],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    said = shell.error(*arguments)
-    assert all(part in said for part in ((says,) if isinstance(says, str) else says)), said
-
 
 @pytest.mark.parametrize(
     ("command", "arguments", "says"),
@@ -528,7 +481,7 @@ def test_flags_are_named(
 )
 def test_flags(
     shell: Shell,
-    tmp_path: Path,
+    here: Path,
     monkeypatch: pytest.MonkeyPatch,
     command: tuple[str, ...],
     arguments: Sequence[str],
@@ -539,8 +492,8 @@ def test_flags(
 
     if command == SIMULATE:
         monkeypatch.setattr(simulation, "simulate", worked)
-    (tmp_path / "e").mkdir()
-    refuses(shell, tmp_path, monkeypatch, says, *command, *arguments)
+    (here / "e").mkdir()
+    refuses(shell, here, says, *command, *arguments)
 
 
 HEADER = "t_s,tension_1_N,tension_2_N,tension_3_N\n"
@@ -656,16 +609,8 @@ COLUMNS = [
     [(command, *row) for command, rows in FILES.items() for row in rows]
     + [((*SIMULATE, "--table"), zeros(header), says) for header, says in COLUMNS],
 )
-def test_files(
-    shell: Shell,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    command: tuple[str, ...],
-    text: str,
-    says: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_files(shell: Shell, here: Path, command: tuple[str, ...], text: str, says: str) -> None:
     Path("bad.csv").write_text(text)
     said = shell.error(*command, "bad.csv")
     assert said.startswith(f"{command[-1]}: ") and says in said
-    assert list(tmp_path.iterdir()) == [tmp_path / "bad.csv"]
+    assert list(here.iterdir()) == [here / "bad.csv"]

@@ -82,10 +82,7 @@ def test_completion(complete: Callable[[str], list[str]], line: str, offers: lis
     assert complete(line) == offers
 
 
-def test_completion_of_robot_files(
-    complete: Callable[[str], list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_completion_of_robot_files(complete: Callable[[str], list[str]], here: Path) -> None:
     for name in ("mine.yaml", "mine.yml", "notes.txt"):
         Path(name).touch()
     assert complete("bowstring solve ") == [*robot_names(), "mine.yaml", "mine.yml"]
@@ -375,13 +372,8 @@ def public_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_a_bar_is_drawn_and_removed(
-    terminal: Terminal,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    what: str,
+    terminal: Terminal, here: Path, arguments: tuple[str, ...], what: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("table.csv").write_text(
         "tension_1_N,tension_2_N,tension_3_N,tip_x_mm,tip_y_mm,tip_z_mm\n"
         "10,0,0,54.9,0,637\n20,0,0,108,0,627\n40,0,0,207,0,589\n"

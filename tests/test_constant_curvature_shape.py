@@ -11,22 +11,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from numpy.typing import NDArray
 from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.constant_curvature.shape import ArcFit, fit_arcs
 from bowstring.viz.shapes import backbone_shapes
 from bowstring.viz.style import figure_style, svg
 from objects import refused
 
-Array = NDArray[np.float64]
-
 DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 
-def plane_arcs(bends: Array, start: Array, share: Array) -> Array:
+def plane_arcs(bends: Floats, start: Floats, share: Floats) -> Floats:
     """Points (K, P, 2) on m equal arcs in series, by complex numbers; length 1."""
     m = bends.shape[1]
     place = np.zeros((len(bends), share.size), dtype=complex)
@@ -39,7 +37,7 @@ def plane_arcs(bends: Array, start: Array, share: Array) -> Array:
     return np.stack([place.real, place.imag], axis=-1)
 
 
-def space_arcs(kappa: Array, phi: Array, share: Array) -> Array:
+def space_arcs(kappa: Floats, phi: Floats, share: Floats) -> Floats:
     """Points (P, 3) on arcs in series, each with curvature and direction."""
     m = len(kappa)
     position, rotation, points = np.zeros(3), np.eye(3), []
@@ -54,7 +52,7 @@ def space_arcs(kappa: Array, phi: Array, share: Array) -> Array:
     return np.array(points)
 
 
-def uneven(rng: np.random.Generator, count: int) -> Array:
+def uneven(rng: np.random.Generator, count: int) -> Floats:
     share = np.cumsum(rng.uniform(0.3, 1.0, count - 1))
     return np.concatenate([[0.0], share / share[-1]])
 
@@ -63,7 +61,7 @@ def uneven(rng: np.random.Generator, count: int) -> Array:
 
 
 @pytest.fixture(scope="module")
-def measured() -> Array:
+def measured() -> Floats:
     """Whole backbone shapes (433, 20, 2) of a real robot, pixels."""
     path = DATA / "ucl-planar-shape" / "sample_data.csv"
     if not path.exists():
@@ -74,7 +72,7 @@ def measured() -> Array:
 
 
 @pytest.mark.parametrize(("pieces", "rms", "tip"), [(1, 1.13, 1.90), (2, 0.90, 1.18)])
-def test_measured_shapes(measured: Array, pieces: int, rms: float, tip: float) -> None:
+def test_measured_shapes(measured: Floats, pieces: int, rms: float, tip: float) -> None:
     fit = fit_arcs(measured, pieces)
     assert len(fit) == 433
     assert 100 * fit.rms.mean() == pytest.approx(rms, abs=0.03)
@@ -85,13 +83,13 @@ def test_measured_shapes(measured: Array, pieces: int, rms: float, tip: float) -
     json.dumps(row, allow_nan=False)
 
 
-def test_measured_shapes_against_scipy(measured: Array) -> None:
+def test_measured_shapes_against_scipy(measured: Floats) -> None:
     """Some of them against another optimiser, from many starts, to the same sum of squares."""
     some = measured[::29]
     fit = fit_arcs(some)
     for k in range(len(some)):
 
-        def left(x: Array, k: int = k) -> Array:
+        def left(x: Floats, k: int = k) -> Floats:
             arc = plane_arcs(x[None, 1:], x[:1], fit.fraction[k])[0]
             return np.ravel(arc - fit.measured[k])
 
@@ -100,7 +98,7 @@ def test_measured_shapes_against_scipy(measured: Array) -> None:
         assert np.sum(fit.distance[k] ** 2) == pytest.approx(2 * best, rel=1e-8)
 
 
-def test_speed(measured: Array) -> None:
+def test_speed(measured: Floats) -> None:
     fit_arcs(measured[:3])
     begin = time.process_time()
     fit_arcs(measured)
@@ -162,7 +160,7 @@ def test_two_full_turns_and_an_s_shape() -> None:
     assert fit_arcs(s, 1, share).rms[0] > 0.05
 
 
-def noisy(rng: np.random.Generator, count: int, dimensions: int) -> Array:
+def noisy(rng: np.random.Generator, count: int, dimensions: int) -> Floats:
     """Shapes that are not arcs."""
     share = np.linspace(0, 1, 15)
     bends = rng.uniform(-2, 2, (count, 3))
@@ -260,7 +258,7 @@ def test_straight_shapes_have_no_residual_direction() -> None:
 LINE = np.outer(np.arange(5.0), [1.0, 0.2])
 
 
-def with_nan() -> Array:
+def with_nan() -> Floats:
     rows = np.tile(LINE, (3, 1, 1))
     rows[1, 3, 0] = np.nan
     return rows

@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from tests.shell import Shell
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.validity.control_commands import BY_ARCS, Commander
-
-Floats = NDArray[np.float64]
 
 AMOURI, RAO = bs.load_robot("amouri2019"), bs.load_robot("rao2021")
 

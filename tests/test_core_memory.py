@@ -19,11 +19,6 @@ HUGE = np.broadcast_to(0.0, (10**13, 3))
 ROW = np.broadcast_to(0.0, 10**13)
 
 
-@pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
 @pytest.mark.parametrize("values", [HUGE, ROW, HUGE.T])
 @pytest.mark.parametrize(
     "name", ["tensions", "tip_force", "tip_moment", "gravity", "displacements"]

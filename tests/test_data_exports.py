@@ -14,16 +14,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.io import savemat
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.data.measurements import read_measurements
 from bowstring.errors import InputError
 
 ROWS = 24
 STEP = 0.02  # s, unless an export says otherwise
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -36,11 +35,6 @@ class Motion:
     tensions: Floats
     quaternions: Floats
     """Of the tip, scalar last."""
-
-
-@pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.data.registration import (
     Registration,
     fit_fiducials,
@@ -27,8 +27,6 @@ from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
 from objects import refused
 
-Array = NDArray[np.float64]
-
 CORNERS = 0.1 * np.array([[0, 0, 0], [1, 0, 0.1], [0, 1, 0], [0.2, 0.3, 1]])  # fiducials, m
 
 
@@ -37,12 +35,7 @@ def any_frame(rng: np.random.Generator) -> Rigid:
 
 
 @pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
-@pytest.fixture(scope="module")
-def tips(robot: bs.Robot) -> tuple[Array, Array]:
+def tips(robot: bs.Robot) -> tuple[Floats, Floats]:
     """Tips bent in all directions: positions (20, 3), m, and rotations."""
     rng = np.random.default_rng(1)
     tensions = rng.uniform(0, 40, (20, 3))
@@ -52,7 +45,7 @@ def tips(robot: bs.Robot) -> tuple[Array, Array]:
 
 
 @pytest.fixture(scope="module")
-def plane_tips(robot: bs.Robot) -> tuple[Array, Array]:
+def plane_tips(robot: bs.Robot) -> tuple[Floats, Floats]:
     """Tips with one direction of bending, all in the plane of x and z."""
     tensions = np.zeros((17, 3))
     tensions[:, 0] = np.linspace(0, 80, 17)
@@ -60,7 +53,7 @@ def plane_tips(robot: bs.Robot) -> tuple[Array, Array]:
     return sweep.tip_position, sweep.tip_rotation
 
 
-def errors(found: Registration, truth: Rigid, offset: Array | None = None) -> Array:
+def errors(found: Registration, truth: Rigid, offset: Floats | None = None) -> Floats:
     """Truth minus estimate, as in the covariance."""
     turn = truth.rotation @ found.frame.rotation.T
     shift = truth.apply(found.frame.inverse().apply(found.pivot)) - found.pivot
@@ -162,7 +155,7 @@ def test_noise_larger_than_stated() -> None:
         (np.eye(3)[[1, 0, 2]], "swap its x and y"),
     ],
 )
-def test_left_handed_fiducials_are_named(change: Array, cause: str) -> None:
+def test_left_handed_fiducials_are_named(change: Floats, cause: str) -> None:
     rng = np.random.default_rng(5)
     truth = Rigid.from_rotation_vector([0.02, -0.05, 0.03], [0.1, 0.2, 0.3])
     measured = truth.inverse().apply(CORNERS) @ change.T + 1e-5 * rng.normal(size=(4, 3))
@@ -195,7 +188,7 @@ def test_noise_is_rarely_called_left_handed(draws: int) -> None:
         (CORNERS[0], CORNERS, r"must be \(points, 3\)"),
     ],
 )
-def test_bad_fiducials(measured: Array, base: Array, message: str) -> None:
+def test_bad_fiducials(measured: Floats, base: Floats, message: str) -> None:
     refused(message, lambda: fit_fiducials(measured, base))
 
 
@@ -208,7 +201,7 @@ def test_bad_sigma(sigma: object) -> None:
 
 
 @pytest.mark.parametrize("robust", [False, True])
-def test_model_without_noise(tips: tuple[Array, Array], robust: bool) -> None:
+def test_model_without_noise(tips: tuple[Floats, Floats], robust: bool) -> None:
     """Any frame and offset, without a starting guess."""
     predicted, rotations = tips
     rng = np.random.default_rng(0)
@@ -225,7 +218,7 @@ def test_model_without_noise(tips: tuple[Array, Array], robust: bool) -> None:
 @pytest.mark.parametrize("robust", [False, True])
 @pytest.mark.slow
 def test_coverage_with_the_model(
-    tips: tuple[Array, Array], sigma: float | None, robust: bool
+    tips: tuple[Floats, Floats], sigma: float | None, robust: bool
 ) -> None:
     """95 % intervals of all nine unknowns contain the truth in 95 % of simulated benches."""
     predicted, rotations = tips
@@ -243,7 +236,7 @@ def test_coverage_with_the_model(
     assert abs(inside.mean() / runs - 0.95) < 0.015
 
 
-def test_residuals_of_a_good_model_are_noise(tips: tuple[Array, Array]) -> None:
+def test_residuals_of_a_good_model_are_noise(tips: tuple[Floats, Floats]) -> None:
     predicted, rotations = tips
     rng = np.random.default_rng(4)
     noise = 2e-5 * rng.normal(size=predicted.shape)
@@ -253,7 +246,7 @@ def test_residuals_of_a_good_model_are_noise(tips: tuple[Array, Array]) -> None:
     assert bent.variance_p < 1e-9
 
 
-def test_gross_errors_are_found(tips: tuple[Array, Array]) -> None:
+def test_gross_errors_are_found(tips: tuple[Floats, Floats]) -> None:
     predicted, rotations = tips
     rng = np.random.default_rng(6)
     truth, offset = any_frame(rng), np.array([0.0, 0.01, 0.02])
@@ -269,7 +262,7 @@ def test_gross_errors_are_found(tips: tuple[Array, Array]) -> None:
     assert off[1] < 0.02 * off[0]
 
 
-def test_objectivity(tips: tuple[Array, Array]) -> None:
+def test_objectivity(tips: tuple[Floats, Floats]) -> None:
     """The registered points do not depend on the position of the measuring frame."""
     predicted, rotations = tips
     rng = np.random.default_rng(8)
@@ -283,7 +276,9 @@ def test_objectivity(tips: tuple[Array, Array]) -> None:
         np.testing.assert_allclose((two.frame @ other).rotation, one.frame.rotation, atol=1e-7)
 
 
-def test_planar_tips_leave_the_normal_offset_undetermined(plane_tips: tuple[Array, Array]) -> None:
+def test_planar_tips_leave_the_normal_offset_undetermined(
+    plane_tips: tuple[Floats, Floats],
+) -> None:
     predicted, rotations = plane_tips
     rng = np.random.default_rng(1)
     truth, offset = any_frame(rng), np.array([0.01, 0.02, 0.03])
@@ -341,7 +336,7 @@ def test_undetermined_parameters_keep_their_start() -> None:
 
 
 @pytest.mark.parametrize("offset", [False, True])
-def test_left_handed_tips_are_named(tips: tuple[Array, Array], offset: bool) -> None:
+def test_left_handed_tips_are_named(tips: tuple[Floats, Floats], offset: bool) -> None:
     predicted, rotations = tips
     rng = np.random.default_rng(9)
     near = Rigid.from_rotation_vector([0.01, 0.02, -0.03], [0.1, 0, 0])
@@ -352,7 +347,7 @@ def test_left_handed_tips_are_named(tips: tuple[Array, Array], offset: bool) -> 
             fit_model(measured, predicted, rotations if offset else None)
 
 
-def test_bad_model_input(tips: tuple[Array, Array]) -> None:
+def test_bad_model_input(tips: tuple[Floats, Floats]) -> None:
     predicted, rotations = tips
     for call, message in (
         (lambda: fit_model(predicted[:2], predicted[:2]), "2 points have 6 coordinates"),
@@ -385,7 +380,7 @@ def test_known_registration() -> None:
     refused("level is 2", lambda: exact.interval(2))
 
 
-def test_with_and_without(tips: tuple[Array, Array]) -> None:
+def test_with_and_without(tips: tuple[Floats, Floats]) -> None:
     """Error statistics before and after, over points and by axis."""
     predicted, rotations = tips
     rng = np.random.default_rng(3)
@@ -413,7 +408,7 @@ def test_with_and_without(tips: tuple[Array, Array]) -> None:
         with_and_without(found, measured, predicted[:3], 0.641, rotations)
 
 
-def test_points_without_a_prediction_are_left_out(tips: tuple[Array, Array]) -> None:
+def test_points_without_a_prediction_are_left_out(tips: tuple[Floats, Floats]) -> None:
     predicted = tips[0].copy()
     predicted[4] = np.nan
     both = with_and_without(known(Rigid.identity()), tips[0], predicted, 0.641)

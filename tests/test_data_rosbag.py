@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.data.measurements import Measurements, read_measurements
 from bowstring.data.rosbag import read_topic, topics
 from bowstring.errors import InputError
@@ -22,7 +22,6 @@ writer = pytest.importorskip("mcap.writer", reason="needs the extra rosbag")
 ros1 = pytest.importorskip("mcap_ros1.writer", reason="needs the extra rosbag")
 ros2 = pytest.importorskip("mcap_ros2.writer", reason="needs the extra rosbag")
 
-Floats = NDArray[np.float64]
 ROWS, STEP, BEGIN = 40, 0.05, 1_700_000_000
 HEADER = "std_msgs/Header header\n"
 POSE = """\
@@ -61,11 +60,6 @@ uint32 seq
 time stamp
 string frame_id
 """
-
-
-@pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
 
 
 def _truth(robot: bs.Robot, time: Floats) -> tuple[Floats, Floats]:

@@ -15,9 +15,9 @@ import numpy as np
 import openpyxl
 import pytest
 from benchmarks import coverage
-from numpy.typing import NDArray
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.calibration import Fit, fit
 from bowstring.data import synthetic
 from bowstring.data.measurements import STANDARD_GRAVITY, read_measurements
@@ -30,16 +30,9 @@ from bowstring.statics import rod
 from objects import STUDY_BY_NAME, bench, refused
 from shell import Shell
 
-Array = NDArray[np.float64]
-
 MASSES = np.linspace(0, 8, 17)
 CLEAN: dict[str, Any] = {"noise": 0.0, "unload": False}
 PLACE = Rigid.from_rotation_vector([0.3, -0.2, 1.0], [0.5, -0.1, 0.2])
-
-
-@pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +40,7 @@ def study(robot: bs.Robot) -> Bench:
     return set_up(robot, **STUDY)
 
 
-def all_sides(count: int = 20) -> Array:
+def all_sides(count: int = 20) -> Floats:
     """Tensions that bend the robot in all directions, (count, 3), N."""
     rng = np.random.default_rng(1)
     tensions = rng.uniform(0, 40, (count, 3))
@@ -318,7 +311,7 @@ def test_a_disturbance_stays_after_registration(
         assert chi == pytest.approx(1.0, abs=4 * math.sqrt(2 / 294))
 
 
-def calibrated(robot: bs.Robot, rows: Array | None = None, **disturbance: Any) -> Fit:
+def calibrated(robot: bs.Robot, rows: Floats | None = None, **disturbance: Any) -> Fit:
     """Fit to the study's bench with a softer backbone, a displaced base and a disturbance."""
     E, *base = coverage.TRUTH[[0, 2, 3, 4, 5, 6, 7]]
     place = Rigid.from_rotation_vector(np.radians(base[3:]), 1e-3 * np.array(base[:3]))
@@ -387,7 +380,7 @@ def test_the_study(robot: bs.Robot, study: Bench) -> None:
 # -- the label and the truth -----------------------------------------------------------------------
 
 
-def rebuilt(truth: dict[str, Any]) -> Array:
+def rebuilt(truth: dict[str, Any]) -> Floats:
     """Rebuild the data of a bench of masses from its truth alone."""
     actual = Robot.model_validate(truth["actual_robot"])
     loads = truth["loads"]
@@ -655,12 +648,9 @@ FULL = (
 )
 
 
-def test_command(
-    shell: Shell, study: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_command(shell: Shell, study: Bench, here: Path) -> None:
     said = shell.json(*FULL)
-    found = read_measurements(tmp_path / "bench.csv")
+    found = read_measurements(here / "bench.csv")
     made = study.measure(1)
     np.testing.assert_allclose(found.points, made.points, atol=1e-12)
     assert said["source"] == "synthetic" and said["rows"] == 99 and said["repeats"] == 3
@@ -670,8 +660,8 @@ def test_command(
     for name in ("seed", "differences", "loads", "actual_robot_hash", "noise_m"):
         assert said["truth"][name] == made.truth[name], name
     assert said["files"] == {
-        "table": str(tmp_path / "bench.csv"),
-        "truth": str(tmp_path / "bench.truth.json"),
+        "table": str(here / "bench.csv"),
+        "truth": str(here / "bench.truth.json"),
     }
     assert said["robot"] == "amouri2019" and said["provenance"]["settings"]["seed"] == 1
     code, out, err = shell(*FULL)
@@ -681,8 +671,7 @@ def test_command(
     assert shell.json("bench", "check", "bench.csv")["source"] == "synthetic"
 
 
-def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_command_with_units(shell: Shell, here: Path) -> None:
     options = {
         "--displacements": '0:2 mm:0.006',
         "--tilt": "0.5 deg,90 deg",
@@ -708,26 +697,23 @@ def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.Mo
     assert truth["noise_m"] == 1e-5 and truth["seed"] == 0 and not truth["loads"]["unload"]
     (clamp,) = truth["differences"]
     assert clamp["actual"] == 0.003 and truth["loads"]["by"] == "tensions and displacements"
-    found = read_measurements(tmp_path / "bench.csv")
+    found = read_measurements(here / "bench.csv")
     np.testing.assert_allclose(found.displacements[:, 0], [0, 0.002, 0.004, 0.006])
     assert (found.tensions[:, 1:] == 0).all() and found.tool.tolist() == [0, 0, 0.008]
     shell.json(*COMMAND, "--tensions", "10,20,5")
-    assert read_measurements(tmp_path / "bench.csv").tensions[:, 0].tolist() == [10, 20, 5, 20, 10]
+    assert read_measurements(here / "bench.csv").tensions[:, 0].tolist() == [10, 20, 5, 20, 10]
     relaxes = ("--actual", "segments.0.backbone.relaxation=0.2", "--period", "10 s")
     found = shell.json(*COMMAND, "--tensions", "0:10:40", *relaxes)
     assert found["truth"]["loads"]["period_s"] == 10.0
     shell.json(*COMMAND, "--masses", "0:100 g:0.3")
-    masses = json.loads((tmp_path / "bench.truth.json").read_text())["loads"]["masses_kg"]
+    masses = json.loads((here / "bench.truth.json").read_text())["loads"]["masses_kg"]
     assert masses == [0, 0.1, 0.2, 0.3]
 
 
-def test_command_without_a_solution(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_command_without_a_solution(shell: Shell, here: Path) -> None:
     code, out, err = shell(*COMMAND, "--tensions", "10,1e6")
     assert (code, out) == (1, "") and "loads have no solution" in err
-    assert not list(tmp_path.iterdir())
+    assert not list(here.iterdir())
 
 
 def test_measured_data_are_never_replaced(

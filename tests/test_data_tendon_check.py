@@ -10,17 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.data.columns import Column, Joined
 from bowstring.data.measurements import Measurements, load
 from bowstring.data.tendon_check import check_tendons
 from bowstring.robot.model import Robot
 from objects import measured
 
-Floats = NDArray[np.float64]
 STUDY = bs.load_robot("amouri2019")
 RNG = np.random.default_rng(5)
 STAR = np.concatenate([np.outer(np.linspace(0, 60, 7), row) for row in np.eye(3)])

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.calibration import Data, fit
 from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.dynamics import ramp
@@ -52,14 +52,14 @@ def robot(file: Path) -> bs.Robot:
 
 
 @pytest.fixture
-def own(robot: bs.Robot) -> NDArray[np.float64]:
+def own(robot: bs.Robot) -> Floats:
     """Displacements of each segment alone that make these bends, m."""
     tendons = robot.tendons
-    found: NDArray[np.float64] = (tendons.hole_m * BENDS[tendons.segment]).sum(axis=1)
+    found: Floats = (tendons.hole_m * BENDS[tendons.segment]).sum(axis=1)
     return found
 
 
-def test_drives_add_what_inner_segments_take(robot: bs.Robot, own: NDArray[np.float64]) -> None:
+def test_drives_add_what_inner_segments_take(robot: bs.Robot, own: Floats) -> None:
     """The tendons then have the lengths that they have along the arcs of the single segments."""
     length = np.array([segment.length for segment in robot.segments])
     kappa, phi = np.hypot(*BENDS.T) / length, np.arctan2(BENDS[:, 1], BENDS[:, 0])
@@ -79,7 +79,7 @@ def test_drives_add_what_inner_segments_take(robot: bs.Robot, own: NDArray[np.fl
     assert driven(some, mixed) == pytest.approx(whole, abs=1e-12)
 
 
-def test_commands_of_segments_reach_every_solver(robot: bs.Robot, own: NDArray[np.float64]) -> None:
+def test_commands_of_segments_reach_every_solver(robot: bs.Robot, own: Floats) -> None:
     plain = robot.with_({"segments.*.tendons.decoupling": 0})
     whole = driven(robot, own)
     one = bs.solve(robot, load=bs.Load(displacements=own))
@@ -102,9 +102,7 @@ def test_inverse_kinematics_returns_commands(robot: bs.Robot) -> None:
         bs.inverse_kinematics(robot, wanted, displacement_limits=[-0.01, 0.01])
 
 
-def test_a_displacement_needs_those_of_inner_segments(
-    robot: bs.Robot, own: NDArray[np.float64]
-) -> None:
+def test_a_displacement_needs_those_of_inner_segments(robot: bs.Robot, own: Floats) -> None:
     tensions = [1.0, 0, 0, *[None] * 6]
     displacements = [None] * 3 + own[3:].tolist()
     said = "tendon 4 has the displacement of its own segment.*tendon 1 of an inner segment has none"
@@ -123,7 +121,7 @@ def test_a_displacement_needs_those_of_inner_segments(
     assert bs.solve(robot, load=inner).converged
 
 
-def test_measured_commands_are_fitted(robot: bs.Robot, own: NDArray[np.float64]) -> None:
+def test_measured_commands_are_fitted(robot: bs.Robot, own: Floats) -> None:
     """A table of commands of the segments: the fit of a radius finds that of the robot."""
     rows = np.outer([0.3, 0.6, 1.0, -0.4, -0.8], own)
     tips = bs.sweep(robot, load=bs.Load(displacements=rows)).raise_for_status().tip_position

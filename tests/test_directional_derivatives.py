@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import with_tendons
 from bowstring.robot.paths import full_paths, numbers_of
 from bowstring.statics.differentiation import QUANTITIES, DirectionalDerivatives, Rates
-
-Floats = NDArray[np.float64]
 
 AMOURI, RAO = bs.load_robot("amouri2019"), bs.load_robot("rao2021")
 

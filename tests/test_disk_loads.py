@@ -6,17 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.dynamics import modes
 
 ROBOT = bs.load_robot("amouri2019")
 TENSIONS = [40.0, 0.0, 10.0]
 UP = (0, 0, -9.81)
 LAW = ROBOT.with_({"segments.0.tendons.friction": 0.1})
-
-Floats = NDArray[np.float64]
 
 
 def only(disk: int, vector: Any) -> Floats:

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -667,10 +668,7 @@ def test_an_unwritable_disk_is_reported(
 ) -> None:
     before_real(own_cache, monkeypatch, "exit 0\n")
 
-    def refuse(*_: object, **__: object) -> None:
-        raise error
-
-    monkeypatch.setattr(Path, "write_text", refuse)
+    monkeypatch.setattr(Path, "write_text", Mock(side_effect=error))
     run = sweep(small_robot(), LOADS, settings=COARSE)
     assert run.status == status
     assert f"files cannot be written: {error.strerror}" in run.message

@@ -12,12 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.dynamics import modes, ramp
-
-Floats = NDArray[np.float64]
 
 LENGTH, DISKS, DIAMETER, YOUNG, POISSON = 0.4, 4, 0.001, 1.25e12, 0.3
 AREA, SECOND = np.pi / 4 * DIAMETER**2, np.pi / 64 * DIAMETER**4

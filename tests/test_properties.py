@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.dynamics import ramp
 from bowstring.robot.designs import Designs
 from bowstring.robot.writer import to_yaml
@@ -28,7 +28,6 @@ from bowstring.statics.design_sweeps import sweep_designs
 from objects import coupled_stiffness
 from shell import Shell
 
-Floats = NDArray[np.float64]
 Values = dict[str, Any]
 
 # dead moments and followers: a motion starts where it may not be stable

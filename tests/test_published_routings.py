@@ -22,13 +22,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import bowstring as bs
 from bowstring import _core
+from bowstring.aliases import Floats
 from shooting import tip_of
-
-Array = NDArray[np.float64]
 
 YOUNG, RADIUS, DENSITY = 210e9, 0.4e-3, 95_000.0  # the density stands for disks and tendons too
 SHEAR = YOUNG * (1 + 0.3125) / 2
@@ -49,36 +47,36 @@ class Routing:
 
     ends: tuple[float, ...]
     per_segment: int
-    holes: Callable[[int, float], Array]
+    holes: Callable[[int, float], Floats]
 
 
-def around(angles: Array, radius: float = OFFSET, slope: float = 0.0, rate: float = 0.0) -> Array:
+def around(angles: Floats, radius: float = OFFSET, slope: float = 0.0, rate: float = 0.0) -> Floats:
     cos, sin = np.cos(angles), np.sin(angles)
     place = radius * np.array([cos, sin])
     change = slope * np.array([cos, sin]) + rate * radius * np.array([-sin, cos])
-    rows: Array = np.concatenate([place, change]).T
+    rows: Floats = np.concatenate([place, change]).T
     return rows
 
 
-def parallel(_: int, __: float) -> Array:
+def parallel(_: int, __: float) -> Floats:
     return around(np.radians([0.0, 120.0, 240.0]))
 
 
-def convergent(_: int, s: float) -> Array:
+def convergent(_: int, s: float) -> Floats:
     return around(np.array([0.0, math.pi]), OFFSET * (1 - s / 0.242), -OFFSET / 0.242)
 
 
-def helical(_: int, s: float) -> Array:
+def helical(_: int, s: float) -> Floats:
     """One turn, as in the authors' code; its comment speaks of two."""
     rate = 2 * math.pi / 0.242
     return around(np.array([0.0, math.pi]) + rate * s, rate=rate)
 
 
-def three_parallel(segment: int, s: float) -> Array:
+def three_parallel(segment: int, s: float) -> Floats:
     return np.tile(parallel(segment, s), (3 - segment, 1))
 
 
-def three_convergent(segment: int, s: float) -> Array:
+def three_convergent(segment: int, s: float) -> Floats:
     """In its own segment a tendon converges to the axis; in those before it is parallel."""
     share = (s - 0.1 * segment) / 0.1
     rows = []
@@ -100,8 +98,8 @@ ROUTINGS = {
 }
 
 
-def shot(routing: Routing, tensions: Array) -> Array:
-    def holes(segment: int, s: float) -> tuple[Array, Array]:
+def shot(routing: Routing, tensions: Floats) -> Floats:
+    def holes(segment: int, s: float) -> tuple[Floats, Floats]:
         rows = np.pad(routing.holes(segment, s).reshape(-1, 2, 2), ((0, 0), (0, 0), (0, 1)))
         return rows[:, 0], rows[:, 1]
 
@@ -109,7 +107,7 @@ def shot(routing: Routing, tensions: Array) -> Array:
     return tip_of(stiffness, routing.ends, holes, tensions, lambda s: WEIGHT * (length - s))
 
 
-def solved(routing: Routing, tensions: Array, disks: int, *, continuous: bool) -> Array:
+def solved(routing: Routing, tensions: Floats, disks: int, *, continuous: bool) -> Floats:
     """Tip of a robot with massless disks; tendons are continuous, or straight between disks."""
     segments = len(routing.ends)
     each = -(-disks // segments)
@@ -148,7 +146,7 @@ def solved(routing: Routing, tensions: Array, disks: int, *, continuous: bool) -
     found = robot.solve(tensions, load, bs.RodModel("cosserat"))
     assert found.status == "converged" and found.stable
     assert found.disk_positions is not None
-    tip: Array = found.disk_positions[-1]
+    tip: Floats = found.disk_positions[-1]
     return tip
 
 

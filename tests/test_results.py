@@ -10,13 +10,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
+from bowstring.aliases import Floats
 from bowstring.cli.schemas.results import object_of
 from bowstring.results import Key, Result, keys_of, unit_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ class Whole(Result):
 
     ends: Annotated[Ends, Key(flat=True)]
     """Ends."""
-    tip: Annotated[Array, Key("tip_position_mm")]
+    tip: Annotated[Floats, Key("tip_position_mm")]
     """Tip (n, 3), m; NaN without an equilibrium."""
     share: Annotated[float, Key("valid_percent")]
     """Share of the loads."""
@@ -172,5 +170,5 @@ def test_an_array_without_a_shape_in_its_docstring_has_no_schema() -> None:
 class Shapeless(Result):
     """A result whose docstring lacks the shape of its array."""
 
-    tip: Annotated[Array, Key("tip_m")]
+    tip: Annotated[Floats, Key("tip_m")]
     """Tip, m."""

@@ -6,11 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import bowstring as bs
-
-Floats = NDArray[np.float64]
 
 BACKBONE = {"diameter": "5 mm", "E": "2 GPa", "nu": 0.3}
 BOUND = {

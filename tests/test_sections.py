@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import quad
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.cad.solid import make_solid
 from bowstring.constant_curvature import RobotArcs, curvature_from_loads
 from bowstring.robot.designs import Designs
@@ -156,7 +156,7 @@ def test_clamps_of_a_tapered_backbone_have_their_own_weight() -> None:
     step = length / 200_000
     s = np.arange(step / 2.0, length, step)
 
-    def beyond(each: NDArray[np.float64]) -> NDArray[np.float64]:
+    def beyond(each: Floats) -> Floats:
         return (np.flip(np.cumsum(np.flip(each))) - 0.5 * each) * step
 
     diameter = 24e-3 - 18e-3 * s / length

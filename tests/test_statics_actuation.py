@@ -18,16 +18,6 @@ TENDONS = "segments.0.tendons."
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return bs.load_robot("amouri2019")
-
-
-@pytest.fixture(scope="module")
-def rao():
-    return bs.load_robot("rao2021")
-
-
-@pytest.fixture(scope="module")
 def elastic(robot):
     """Tendons as of steel wire, with a small pretension."""
     wire = {"axial_stiffness": 20e3, "free_length": 0.3, "compliance": 1e-5}

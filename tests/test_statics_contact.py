@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import brentq, fsolve
 from scipy.special import ellipe, ellipk
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.errors import InputError, NoSolutionError
 from shell import Shell
 from shooting import Shooting
@@ -26,8 +26,6 @@ WEIGHT = float(ROD.mass_per_length[0])
 FINE = bs.RodModel("kirchhoff", elements=8)
 WALL = bs.Plane([0.15, 0, 0], [-1, 0, 0])
 FREE = [0.0, 0.0, 0.0]
-
-Floats = NDArray[np.float64]
 
 
 def pose(contact: bs.ContactSolution) -> Floats:

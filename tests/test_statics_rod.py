@@ -80,16 +80,6 @@ ELASTICA = [
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return bs.load_robot("amouri2019")
-
-
-@pytest.fixture(scope="module")
-def rao():
-    return bs.load_robot("rao2021")
-
-
-@pytest.fixture(scope="module")
 def bare(robot):
     """A rod: without tension and gravity, disks have no effect."""
     return robot.with_({"segments.0.disks.count": 16})

@@ -87,11 +87,8 @@ def test_constant_curvature_finite_elements_and_rod(
 
 @needs_ccx
 @pytest.mark.usefixtures("coarse")
-def test_finite_elements_stand_beside_measurements(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_finite_elements_stand_beside_measurements(shell: Shell, here: Path) -> None:
     """All by one command: constant curvature, finite elements, rod, data."""
-    monkeypatch.chdir(tmp_path)
     Path("small.yaml").write_text(ROBOT)
     shell.json("bench", "simulate", "small.yaml", "--masses", "0:1:8", "--out", "bench.csv")
     arguments = ("--fe", "--points", "5", "--max-tension", "60", "--measurements", "bench.csv")
@@ -110,7 +107,7 @@ def test_finite_elements_stand_beside_measurements(
     # coarse in load, stiffer because disks prevent contraction; no friction, as in the rod
     assert means["finite elements"] == pytest.approx(means["the rod as in the file"], abs=0.15)
     assert any("rows of the synthetic table" in s for s in part["text"])
-    html = (tmp_path / "out" / "report.html").read_text("utf-8")
+    html = (here / "out" / "report.html").read_text("utf-8")
     assert "statics, dynamics and finite elements." in html
     captions = {f["stem"]: f["caption"] for f in found["figures"]}
     assert "Plus signs: 3-D finite elements" in captions["fig10_overlay"]

@@ -13,6 +13,7 @@ import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -403,10 +404,7 @@ def test_a_failure_leaves_the_old_folder(
     out = report.write(paper, tmp_path / "out")
     before = contents(out)
 
-    def fail(*_: object) -> str:
-        raise error
-
-    monkeypatch.setattr(report, "_html", fail)
+    monkeypatch.setattr(report, "_html", Mock(side_effect=error))
     with pytest.raises(error):
         report.write(paper, out)
     assert contents(out) == before

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -643,9 +644,7 @@ def test_a_failed_calibration_keeps_the_other_results(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def fails(*_: Any) -> None:
-        raise NoSolutionError("99 rows have no solution to begin with")
-
+    fails = Mock(side_effect=NoSolutionError("99 rows have no solution to begin with"))
     monkeypatch.setattr(data_validation, "calibrate", fails)
     judged = judge_data(robot, bench, 0.01)
     assert judged.calibrated_friction is None

@@ -33,11 +33,6 @@ E = "segments.*.backbone.E"
 U = np.array([1e-6, 0.01, 0.3, 0.5, 0.9, 1 - 1e-6])
 
 
-@pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
 def _sigma(mean: float, sd: float) -> float:
     return math.sqrt(math.log1p((sd / mean) ** 2))
 

@@ -30,11 +30,6 @@ A, B = 7.0, 0.1
 
 
 @pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("amouri2019")
-
-
-@pytest.fixture(scope="module")
 def cube(robot: bs.Robot) -> Distributions:
     """Three independent numbers, uniform from -pi to pi."""
     return read_distributions({f"gravity.{i}": Uniform(-np.pi, np.pi) for i in range(3)}, robot)

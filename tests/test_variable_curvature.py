@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.constant_curvature import (
     RobotArcs,
     VariableCurvature,
@@ -21,14 +21,14 @@ from bowstring.constant_curvature import (
 from bowstring.constant_curvature.curvature_models import polyline_curvature
 from bowstring.errors import InputError
 
-Array = NDArray[np.float64]
-
 ROBOT = bs.load_robot("amouri2019")
 THREE = bs.load_robot("crl-ftdcr-v4")
 TENSIONS = np.outer([10.0, 40.0, 80.0], [1.0, 0.0, 0.0])
 
 
-def clothoid(bend: float, slope: float, direction: float, stations: Array, length: float) -> Array:
+def clothoid(
+    bend: float, slope: float, direction: float, stations: Floats, length: float
+) -> Floats:
     """Points (n, 3) of the curve with the angle bend x + slope (x^2 - x) of its tangent."""
 
     def along(of: object, end: float) -> float:
@@ -51,13 +51,13 @@ def clothoid(bend: float, slope: float, direction: float, stations: Array, lengt
     return length * np.array(out)
 
 
-def rms(shape: VariableCurvature, disks: Array) -> Array:
+def rms(shape: VariableCurvature, disks: Floats) -> Floats:
     """RMS of the distance over the disks (K,), m."""
     away = np.linalg.norm(shape.disk_positions - disks, axis=-1)
     return np.asarray(np.sqrt(np.mean(away**2, axis=-1)))
 
 
-def drawn(rng: np.random.Generator, robot: bs.Robot, degree: int, count: int = 4) -> Array:
+def drawn(rng: np.random.Generator, robot: bs.Robot, degree: int, count: int = 4) -> Floats:
     size = np.array([1.2, 0.8, 0.5, 0.3])[: degree + 1, None]
     return np.asarray(rng.normal(size=(count, len(robot.segments), degree + 1, 2)) * size)
 
@@ -107,7 +107,7 @@ def test_a_curve_in_space_is_that_of_the_frame_equation() -> None:
     state = np.concatenate([np.zeros(3), np.eye(3).ravel()])
     for k, segment in enumerate(THREE.segments):
 
-        def rate(x: float, y: Array, k: int = k, length: float = segment.length) -> Array:
+        def rate(x: float, y: Floats, k: int = k, length: float = segment.length) -> Floats:
             t = 2.0 * x - 1.0
             basis = [1.0, t, 0.5 * (3.0 * t**2 - 1.0), 0.5 * (5.0 * t**3 - 3.0 * t)]
             u, v = basis @ bend[k]
@@ -192,7 +192,7 @@ def test_a_fit_of_degree_zero_is_the_best_arc() -> None:
     found = fit_curvature(ROBOT, disks, 0)
     length = ROBOT.length
 
-    def squared(bend: Array) -> float:
+    def squared(bend: Floats) -> float:
         arcs = RobotArcs(ROBOT, bs.constant_curvature.Arc.from_bend([[*bend, length]]))
         return float(np.sum(((arcs.disk_positions - disks[1]) / length) ** 2))
 
@@ -216,7 +216,7 @@ def test_the_curvature_of_a_polyline_is_that_of_its_arcs() -> None:
         (np.zeros((9, 3)), 1.5, "degree is 1.5, it must be a whole number"),
     ],
 )
-def test_bad_shapes_are_refused(disks: Array, degree: int, message: str) -> None:
+def test_bad_shapes_are_refused(disks: Floats, degree: int, message: str) -> None:
     with pytest.raises(InputError, match=message):
         fit_curvature(ROBOT, disks, degree)
 

@@ -67,10 +67,7 @@ def test_powers_of_ten_are_no_formulas() -> None:
         ("export", "--drawing", "disk.svg"),
     ],
 )
-def test_commands_draw_such_names(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_commands_draw_such_names(shell: Shell, here: Path, arguments: tuple[str, ...]) -> None:
     command, *flags = arguments
     code, _, err = shell(command, "amouri2019", "--set", f"name={NAMES[0]}", *flags)
     assert (code, err) == (0, "")

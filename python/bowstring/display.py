@@ -9,8 +9,6 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-__all__ = ["html_table", "millimetres", "sampled_rows", "short_repr", "some"]
-
 Class = TypeVar("Class", bound=type)
 
 _LONGEST: Final = 60  # characters of a value

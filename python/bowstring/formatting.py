@@ -7,19 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-__all__ = [
-    "in_mm",
-    "in_newtons",
-    "in_percent",
-    "listed",
-    "number",
-    "plain",
-    "round_down",
-    "signed",
-    "significant",
-    "with_error",
-]
-
 _ROUND: Final = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 _DASH: Final = "\N{EN DASH}"
 _MINUS: Final = "\N{MINUS SIGN}"

@@ -17,18 +17,6 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Final
 
-__all__ = [
-    "SIGNALS",
-    "acknowledge",
-    "deferred",
-    "handler",
-    "ignore",
-    "ignored",
-    "is_interrupt",
-    "listen",
-    "pending",
-]
-
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 _INTERVAL: Final = 0.1  # s between two attempts
 _PATIENCE: Final = 2.0  # s of clean-up that further signals do not interrupt

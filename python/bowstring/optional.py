@@ -9,8 +9,6 @@ from typing import Final, NamedTuple
 from bowstring.errors import InputError
 from bowstring.interrupts import is_interrupt
 
-__all__ = ["EXTRAS", "Extra", "load_extra"]
-
 
 class Extra(NamedTuple):
     """A package and what it is for."""

@@ -6,14 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bowstring.aliases import Floats
 from bowstring.results import Key, Result
-
-__all__ = ["Pose"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +18,12 @@ class Pose(Result):
     pose apart, and ``a @ b`` composes two: `b` is given in the frame of `a`.
     """
 
-    position: Annotated[Array, Key("position_m")]
+    position: Annotated[Floats, Key("position_m")]
     """Position (3,), m."""
-    rotation: Annotated[Array, Key()]
+    rotation: Annotated[Floats, Key()]
     """Rotation matrix by rows (3, 3); it maps body axes to base axes."""
 
-    def __iter__(self) -> Iterator[Array]:
+    def __iter__(self) -> Iterator[Floats]:
         return iter((self.position, self.rotation))
 
     def __matmul__(self, other: Pose) -> Pose:

@@ -14,8 +14,6 @@ from typing import Any, TypeVar
 
 from bowstring import interrupts
 
-__all__ = ["for_each"]
-
 T = TypeVar("T")
 
 _MOST = 4  # processes; each copies the memory that it changes

@@ -26,8 +26,6 @@ from typing_extensions import TypedDict
 
 from bowstring.formatting import plain
 
-__all__ = ["STRICT", "UNITS", "Key", "Object", "OrNull", "Result", "about", "keys_of", "unit_of"]
-
 #: Unit by the end of a key: in words, and how many make one SI unit.
 UNITS: Final[dict[str, tuple[str, float]]] = {
     **{name: (name, 1.0) for name in ("m", "rad", "N", "Pa", "kg", "s")},

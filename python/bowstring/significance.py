@@ -7,18 +7,6 @@ from typing import Any, Final
 
 from scipy import special
 
-__all__ = [
-    "EXTRA_LOAD",
-    "MIRROR",
-    "NOISE",
-    "NORMAL",
-    "chi_square_p",
-    "explained_p",
-    "student",
-    "variance_ratio_limit",
-    "variance_ratio_p",
-]
-
 NORMAL: Final = 1.959964
 """Standard deviations on either side of a 95 % interval by a known standard deviation."""
 

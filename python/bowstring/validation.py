@@ -9,30 +9,10 @@ from os import PathLike
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.units import has_no_unit, quote, read_number, read_share
-
-__all__ = [
-    "check_is_read",
-    "check_values",
-    "choice",
-    "floats",
-    "instance",
-    "is_whole",
-    "number",
-    "numbers",
-    "read",
-    "row",
-    "share_of_length",
-    "shown",
-    "truth",
-    "vectors",
-    "whole",
-]
-
-Floats = NDArray[np.float64]
 
 _LONGEST = 60  # characters of a value in a message
 

@@ -9,17 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOGeometry import vtkGLTFReader
 
 from bowstring import load_robot
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.integrations.gltf import write_glb
 from bowstring.statics import fields
 from made_frames import made_frames
-
-Floats = NDArray[np.float64]
 
 ROBOT = load_robot("amouri2019")
 #: The first is not zero: the file counts from it.

@@ -9,6 +9,7 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import closing
 from typing import Any
+from unittest.mock import Mock
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -126,9 +127,7 @@ def test_without_an_equilibrium_the_last_pose_stays(
     live.set_tensions([20.0, 0.0, 0.0])
     before = live.solution
 
-    def fails(*_: object, **__: object) -> None:
-        raise bs.errors.NoSolutionError("there is no equilibrium")
-
+    fails = Mock(side_effect=bs.errors.NoSolutionError("there is no equilibrium"))
     monkeypatch.setattr(module, "solve", fails)
     live.set_tensions([30.0, 0.0, 0.0])
     assert live.solution is before

@@ -9,18 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
+from bowstring.aliases import Floats
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.integrations.rigid_links.chain import LinkChain
 from bowstring.integrations.rigid_links.mjcf import write_mjcf
 from bowstring.integrations.rigid_links.urdf import write_urdf
 from bowstring.integrations.rigid_links.xml_file import joint_names
 from shell import Shell
-
-Floats = NDArray[np.float64]
 
 
 def tip_error(chain: LinkChain, load: bs.Load) -> float:

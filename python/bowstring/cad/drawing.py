@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.formatting import listed
 from bowstring.robot.disk import outside_bore
@@ -20,10 +20,6 @@ from bowstring.viz.style import LIGHT, check_figure_file, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["check_drawing", "check_drawing_file", "draw_disks", "write_drawing"]
-
-Floats = NDArray[np.float64]
 
 _SUFFIXES: Final = (".svg", ".pdf", ".png")
 _DPI: Final = 200

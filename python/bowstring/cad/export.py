@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring._core import __version__
+from bowstring.aliases import Ints
 from bowstring.cad.solid import MESHED, Solid, check_cad, plain_name, triangulate
 from bowstring.files.atomic_io import check_file, is_full, write_whole_file
 from bowstring.robot.rest_shape import unloaded_pose
@@ -147,7 +148,7 @@ def _facets(shape: Any) -> int:
     return sum(BRep_Tool.Triangulation_s(f.wrapped, at).NbTriangles() for f in shape.faces())
 
 
-def _set_apart(corners: NDArray[np.float32], owner: NDArray[np.int64], step: np.float32) -> None:
+def _set_apart(corners: NDArray[np.float32], owner: Ints, step: np.float32) -> None:
     """Move parts that share corners (F, 3, 3) with an earlier one.
 
     An edge of four triangles, two of each part, belongs to no closed mesh.

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.cad.raster import Camera, Mesh, render
 from bowstring.cad.solid import MESHED, Part, Solid, triangulate
 from bowstring.robot.rest_shape import unloaded_pose
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["check_picture_file", "draw_solid", "mesh_of", "write_picture"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _DPI: Final = 220
 _PIXELS: Final = 1300  # pixels of the longer side

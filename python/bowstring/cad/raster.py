@@ -10,10 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Camera", "Mesh", "render"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from bowstring.aliases import Bools, Floats, Ints
 
 _BLOCK: Final = 1_000_000  # pixels processed at once
 _CREASE: Final = 0.7  # cosine between the normals of two sides of a visible edge
@@ -87,9 +84,7 @@ class Camera:
         return np.stack([x, y, flat[:, 2]], axis=1)
 
 
-def render(
-    mesh: Mesh, camera: Camera, colours: Floats, outlined: NDArray[np.bool_]
-) -> tuple[Floats, Ints]:
+def render(mesh: Mesh, camera: Camera, colours: Floats, outlined: Bools) -> tuple[Floats, Ints]:
     """Render a mesh.
 
     Parameters
@@ -157,7 +152,7 @@ def _smaller(image: NDArray[np.float32]) -> Floats:
     return np.concatenate([colour, cover[..., None]], axis=2)
 
 
-def _edges(part: Ints, normal: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _edges(part: Ints, normal: NDArray[np.float32]) -> Bools:
     """Pixels at the outline of a body or at a crease of its surface."""
     edge = np.zeros(part.shape, dtype=bool)
     for here, there in (

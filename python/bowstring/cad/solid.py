@@ -21,8 +21,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.errors import InputError
 from bowstring.files.json_files import parsed, structured
 from bowstring.formatting import listed, significant
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from bowstring.statics.solution import Solution
 
 __all__ = ["MESHED", "Part", "Solid", "check_cad", "make_solid", "plain_name", "triangulate"]
-
-Floats = NDArray[np.float64]
 
 _MM: Final = 1e3
 _SECTIONS: Final = 8  # intervals of one patch, equal to its degree
@@ -239,7 +237,7 @@ class _Frames(NamedTuple):
 
     is_straight: bool
     """Whether the robot is straight, so that its parts are exact cylinders and cones."""
-    module: NDArray[np.int64]
+    module: Ints
     """Modules (P,) of the points, from 0."""
     arc_length: Floats
     """Arc lengths (P,), m."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -51,6 +51,7 @@ from bowstring.units import rounded
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from bowstring.aliases import Progress
     from bowstring.cli.schemas import dynamics as schema
     from bowstring.dynamics.base_motion import BaseMotion
     from bowstring.dynamics.integrator import Integrator
@@ -294,9 +295,7 @@ class _Targets:
                     "name another place."
                 )
 
-    def write(
-        self, run: Run, notify: Callable[[str, float], None] = lambda what, done: None
-    ) -> dict[str, Path | None]:
+    def write(self, run: Run, notify: Progress = lambda what, done: None) -> dict[str, Path | None]:
         """Write the remaining files, unless the user stopped the run; return existing ones."""
         files, places = self.files, self.places
         files["run"] = run.path

@@ -38,10 +38,10 @@ from bowstring.formatting import in_mm, plain
 from bowstring.units import number_with_unit, quote
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
     from rich.table import Table
 
+    from bowstring.aliases import Floats
     from bowstring.cli.schemas.inverse import IkPath, IkResidual
     from bowstring.inverse.solution import InverseSolution
     from bowstring.robot.model import Robot
@@ -307,7 +307,7 @@ def ik(
     )
 
 
-def _warn_of_tensions(robot: Robot, tensions: NDArray[np.float64]) -> None:
+def _warn_of_tensions(robot: Robot, tensions: Floats) -> None:
     """Warn of rods that buckle, and of a backbone stretched far, by tensions (..., T) in N."""
     from bowstring.statics.limits import buckled_or_stretched
     from bowstring.statics.model import RodModel

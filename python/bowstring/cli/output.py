@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from bowstring.aliases import Progress
     from bowstring.cli.schemas import basic as schema
     from bowstring.robot.model import Robot
 
@@ -212,7 +213,7 @@ def _clock(seconds: float) -> str:
 
 
 @contextmanager
-def progress_bar(what: str) -> Iterator[Callable[[str, float], None]]:
+def progress_bar(what: str) -> Iterator[Progress]:
     """Show a progress bar on stderr if it is a terminal; ``what`` is its first label.
 
     Yields a callback that takes the current step and the share done, 0 if it is unknown.

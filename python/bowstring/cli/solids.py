@@ -19,16 +19,15 @@ from bowstring.errors import InputError
 from bowstring.files.atomic_io import resolved
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
     from rich.table import Table
 
+    from bowstring.aliases import Floats
     from bowstring.cad.solid import Part, Solid
     from bowstring.cli.schemas import solids as schema
     from bowstring.robot.model import Robot
     from bowstring.statics.load import Load
 
-_Disks: TypeAlias = "tuple[NDArray[np.float64], NDArray[np.float64]]"
+_Disks: TypeAlias = "tuple[Floats, Floats]"
 """Positions (N, 3) in m and rotations (N, 3, 3) of the disks."""
 
 

@@ -37,18 +37,16 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import bowstring._core as _core
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.pose import Pose
 from bowstring.robot.arrays import frozen
 from bowstring.validation import shown
 
-__all__ = ["Arc", "Routing"]
-
-Array = NDArray[np.float64]
 Coordinates = Literal["bend", "curvature"]
 
 
@@ -60,7 +58,7 @@ class Routing:
     ``routing[index]`` selects tendons.
     """
 
-    holes: Array
+    holes: Floats
     """Positions x, y of the holes (T, 2), m."""
 
     def __init__(self, angles: ArrayLike, radii: ArrayLike) -> None:
@@ -93,7 +91,7 @@ class Routing:
         routing._set(to_array("holes", holes, 2))
         return routing
 
-    def _set(self, holes: Array) -> None:
+    def _set(self, holes: Floats) -> None:
         object.__setattr__(self, "holes", frozen(holes))
 
     def __len__(self) -> int:
@@ -108,16 +106,16 @@ class Routing:
 class Arc:
     """Array of circular arcs of any shape; ``arc[index]`` indexes as NumPy does."""
 
-    kappa: Array
+    kappa: Floats
     """Curvature (...), 1/m."""
-    phi: Array
+    phi: Floats
     """Direction of bending (...), rad; in (-pi, pi] and 0 where straight, unless given."""
-    length: Array
+    length: Floats
     """Length of the backbone (...), m."""
-    misfit: Array
+    misfit: Floats
     """Residual of the fit (...), m: root mean square over tendon lengths (`from_lengths`) or
     distance from the tip to the point (`ik`); zero otherwise."""
-    bend: Array = field(repr=False)
+    bend: Floats = field(repr=False)
     """Bend coordinates (..., 3): theta cos(phi) and theta sin(phi), rad, and the length, m."""
 
     def __init__(self, kappa: ArrayLike, phi: ArrayLike, length: ArrayLike) -> None:
@@ -135,14 +133,14 @@ class Arc:
         shape, rows = broadcast({"kappa": kappa, "phi": phi, "length": length})
         self._set(shape, *rows, np.zeros(shape), _core.arc_bend(*rows))
 
-    def _set(self, shape: tuple[int, ...], *values: Array) -> None:
+    def _set(self, shape: tuple[int, ...], *values: Floats) -> None:
         names = ("kappa", "phi", "length", "misfit", "bend")
         for name, value in zip(names, values, strict=True):
             whole = frozen(value).reshape((*shape, 3) if name == "bend" else shape)
             object.__setattr__(self, name, whole)
 
     @classmethod
-    def _of(cls, bend: Array, shape: tuple[int, ...], misfit: Array | None = None) -> Arc:
+    def _of(cls, bend: Floats, shape: tuple[int, ...], misfit: Floats | None = None) -> Arc:
         """Make arcs from checked bend coordinates."""
         rows = np.ascontiguousarray(bend).reshape(-1, 3)
         kappa, phi = _core.arc_curvature(rows).T
@@ -274,7 +272,7 @@ class Arc:
     # -- maps ----------------------------------------------------------------------------------
 
     @property
-    def theta(self) -> Array:
+    def theta(self) -> Floats:
         """Bend angle from base to tip (...), rad."""
         return np.asarray(self.kappa * self.length)
 
@@ -313,7 +311,7 @@ class Arc:
         position, rotation = _core.arc_pose(rows)
         return Pose(position.reshape(*shape, 3), rotation.reshape(*shape, 3, 3))
 
-    def lengths(self, routing: Routing) -> Array:
+    def lengths(self, routing: Routing) -> Floats:
         """Tendon lengths (..., T), m.
 
         Parallel to the backbone: length - theta r cos(phi - alpha), theory Eq. 1.3.
@@ -321,7 +319,7 @@ class Arc:
         out = _core.arc_lengths(self.bend.reshape(-1, 3), routing.holes)
         return out.reshape(*self.kappa.shape, len(routing))
 
-    def jacobian(self, coordinates: Coordinates = "bend") -> Array:
+    def jacobian(self, coordinates: Coordinates = "bend") -> Floats:
         """Derivative of the tip pose by the arc.
 
         Parameters
@@ -339,7 +337,7 @@ class Arc:
         """
         return self._by(coordinates, _core.arc_pose_jacobian(self.bend.reshape(-1, 3)))
 
-    def lengths_jacobian(self, routing: Routing, coordinates: Coordinates = "bend") -> Array:
+    def lengths_jacobian(self, routing: Routing, coordinates: Coordinates = "bend") -> Floats:
         """Derivative (..., T, 3) of `lengths` by the arc; coordinates as in `jacobian`."""
         rows = self.bend.reshape(-1, 3)
         out = _core.arc_lengths_jacobian(rows, routing.holes)
@@ -347,7 +345,7 @@ class Arc:
 
     def from_lengths_jacobian(
         self, routing: Routing, coordinates: Coordinates = "bend", *, hold_length: bool = False
-    ) -> Array:
+    ) -> Floats:
         """Derivative of `from_lengths` by the tendon lengths, at its result.
 
         Parameters
@@ -376,7 +374,7 @@ class Arc:
             return out.reshape(*self.kappa.shape, 3, len(routing))
         return np.broadcast_to(out, (*self.kappa.shape, 3, len(routing)))
 
-    def _by(self, coordinates: Coordinates, by_bend: Array) -> Array:
+    def _by(self, coordinates: Coordinates, by_bend: Floats) -> Floats:
         """Convert derivatives (n, k, 3) by bend coordinates to (..., k, 3) by `coordinates`."""
         check_option("coordinates", coordinates, ("bend", "curvature"))
         if coordinates == "curvature":
@@ -388,7 +386,7 @@ class Arc:
 # -- arguments ---------------------------------------------------------------------------------
 
 
-def to_array(name: str, value: ArrayLike, last: int | None = None) -> Array:
+def to_array(name: str, value: ArrayLike, last: int | None = None) -> Floats:
     """Convert to an array of numbers, `last` of them along the last dimension."""
     try:
         array = np.asarray(value, dtype=np.float64)
@@ -402,8 +400,8 @@ def to_array(name: str, value: ArrayLike, last: int | None = None) -> Array:
 
 
 def broadcast(
-    scalars: dict[str, ArrayLike], *vectors: Array
-) -> tuple[tuple[int, ...], list[Array]]:
+    scalars: dict[str, ArrayLike], *vectors: Floats
+) -> tuple[tuple[int, ...], list[Floats]]:
     """Broadcast leading dimensions; scalars are flattened to (n,), vectors to (n, k)."""
     arrays = [to_array(name, value) for name, value in scalars.items()]
     try:
@@ -411,7 +409,7 @@ def broadcast(
     except ValueError:
         shapes = [str(a.shape) for a in arrays] + [str(v.shape) for v in vectors]
         raise InputError(f"shapes do not broadcast together: {', '.join(shapes)}") from None
-    flat: list[Array] = [np.broadcast_to(a, shape).reshape(-1) for a in arrays]
+    flat: list[Floats] = [np.broadcast_to(a, shape).reshape(-1) for a in arrays]
     count = math.prod(shape)
     flat += [np.broadcast_to(v, (*shape, v.shape[-1])).reshape(count, v.shape[-1]) for v in vectors]
     return shape, flat

@@ -13,18 +13,15 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.aliases import Floats
 from bowstring.constant_curvature.arc import to_array
 from bowstring.constant_curvature.variable_curvature import MAX_DEGREE, VariableCurvature, legendre
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.arrays import principal_bending
-from bowstring.validation import is_whole, shown
+from bowstring.validation import whole
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-
-__all__ = ["curvature_from_loads", "fit_curvature", "polyline_curvature"]
-
-Array = NDArray[np.float64]
 
 _UNKNOWNS: Final = 60  # unknowns of the shapes that are fitted at once
 _EVALUATIONS: Final = 500
@@ -68,7 +65,7 @@ def fit_curvature(robot: Robot, disks: ArrayLike, degree: int) -> VariableCurvat
     NoSolutionError
         If the fit did not converge.
     """
-    order = _degree(degree)
+    order = whole("degree", degree, 0, MAX_DEGREE)
     count = len(robot.disks.station_m)
     rows = np.asarray(disks, dtype=float)
     if rows.ndim < 2 or rows.shape[-2:] != (count, 3):
@@ -91,7 +88,7 @@ def fit_curvature(robot: Robot, disks: ArrayLike, degree: int) -> VariableCurvat
     return VariableCurvature(robot, bend.reshape(*lead, *bend.shape[1:]))
 
 
-def _fitted(robot: Robot, disks: Array, degree: int) -> Array:
+def _fitted(robot: Robot, disks: Floats, degree: int) -> Floats:
     """Coefficients (K, S, degree + 1, 2) of some shapes, by Levenberg-Marquardt (MINPACK)."""
     from scipy.optimize import least_squares  # takes 0.2 s, and only fits need it
 
@@ -99,11 +96,11 @@ def _fitted(robot: Robot, disks: Array, degree: int) -> Array:
     count, size = len(start), start[0].size
     blocks = np.arange(count)
 
-    def residual(x: Array) -> Array:
+    def residual(x: Floats) -> Floats:
         shape = VariableCurvature(robot, x.reshape(start.shape))
         return np.asarray((shape.disk_positions - disks).ravel() / robot.length)
 
-    def jacobian(x: Array) -> Array:
+    def jacobian(x: Floats) -> Floats:
         by = VariableCurvature(robot, x.reshape(start.shape)).disk_jacobian() / robot.length
         whole = np.zeros((count, disks[0].size, count, size))
         whole[blocks, :, blocks] = by.reshape(count, -1, size)
@@ -127,7 +124,7 @@ def _fitted(robot: Robot, disks: Array, degree: int) -> Array:
     return np.asarray(found.x.reshape(start.shape))
 
 
-def polyline_curvature(robot: Robot, disks: Array) -> tuple[Array, Array]:
+def polyline_curvature(robot: Robot, disks: Floats) -> tuple[Floats, Floats]:
     """Curvature vector of the polyline through base and disks, in a frame without torsion.
 
     It is the angle between two neighbouring sides over the distance of their middles; the first
@@ -167,7 +164,7 @@ def polyline_curvature(robot: Robot, disks: Array) -> tuple[Array, Array]:
     return edges, turned / np.diff(edges)[:, None]
 
 
-def _start(robot: Robot, disks: Array, degree: int) -> Array:
+def _start(robot: Robot, disks: Floats, degree: int) -> Floats:
     """Initial coefficients: nearest to the curvature of the polyline through the disks."""
     edges, curvature = polyline_curvature(robot, disks)
     out = np.zeros((len(disks), len(robot.segments), degree + 1, 2))
@@ -188,11 +185,11 @@ def _start(robot: Robot, disks: Array, degree: int) -> Array:
 class _Loads(NamedTuple):
     """Tensions and dead forces on the backbones for K loads."""
 
-    free: Array
+    free: Floats
     """Coefficients (K, S, degree + 1, 2) by rest curvature and tensions alone."""
-    stiffness: Array
+    stiffness: Floats
     """Stiffness of each segment (S, n, n) against its n coefficients, N m."""
-    force: Array
+    force: Floats
     """Dead forces on the disks (N, 3), N."""
 
     def part(self, rows: NDArray[np.intp], share: float = 1.0) -> _Loads:
@@ -243,7 +240,7 @@ def curvature_from_loads(
     InputError
         For tensions that are negative or not finite.
     """
-    order = _degree(degree)
+    order = whole("degree", degree, 0, MAX_DEGREE)
     given = to_array("tensions", tensions, len(robot.tendons.segment))
     bad = ~((given >= robot.tendons.least_tension_N) & np.isfinite(given))
     if bad.any():
@@ -264,7 +261,7 @@ def curvature_from_loads(
     return VariableCurvature(robot, bend.reshape(*lead, *bend.shape[1:]))
 
 
-def _stiffness(robot: Robot, degree: int) -> Array:
+def _stiffness(robot: Robot, degree: int) -> Floats:
     """Stiffness (S, n, n) of each segment against its n coefficients, N m.
 
     Theory Eq. 1.13: the integral of E I times two polynomials, over the length; E I (2, 2) is that
@@ -291,7 +288,7 @@ def _stiffness(robot: Robot, degree: int) -> Array:
     return np.array(out)
 
 
-def _masses(robot: Robot) -> Array:
+def _masses(robot: Robot) -> Floats:
     """Mass at each disk (N,): its own, payloads, and half of the modules beside it, kg."""
     stations = np.concatenate([[0.0], robot.disks.station_m])
     per_length = np.asarray(robot.mass_per_length)[robot.disks.segment]
@@ -300,7 +297,7 @@ def _masses(robot: Robot) -> Array:
     return np.asarray(carried + 0.5 * (module + np.append(module[1:], 0.0)))
 
 
-def _by_tendons(robot: Robot, tensions: Array, stiffness: Array) -> Array:
+def _by_tendons(robot: Robot, tensions: Floats, stiffness: Floats) -> Floats:
     """Coefficients (K, S, degree + 1, 2) by rest curvature and tensions.
 
     The moment of a tendon is its tension times the place of its hole from the tension centre of the
@@ -342,7 +339,7 @@ def _by_tendons(robot: Robot, tensions: Array, stiffness: Array) -> Array:
     return out
 
 
-def _equilibria(robot: Robot, loads: _Loads, below: Array | None) -> Array:
+def _equilibria(robot: Robot, loads: _Loads, below: Floats | None) -> Floats:
     """Newton iteration for some loads at once, from a result of lower degree or in parts."""
     out = np.full_like(loads.free, np.nan)
     if below is not None:
@@ -363,7 +360,7 @@ def _groups(rows: NDArray[np.intp]) -> list[NDArray[np.intp]]:
     return [rows[first : first + _LOADS] for first in range(0, len(rows), _LOADS)]
 
 
-def _newton(robot: Robot, loads: _Loads, start: Array) -> Array:
+def _newton(robot: Robot, loads: _Loads, start: Floats) -> Floats:
     """Solve for one part of the dead loads; NaN where no stable equilibrium is found."""
     count, size = len(start), start[0].size
     from scipy.linalg import block_diag  # only predictions need it
@@ -371,7 +368,7 @@ def _newton(robot: Robot, loads: _Loads, start: Array) -> Array:
     stiffness = block_diag(*loads.stiffness)
     ways = _STEP * np.concatenate([np.zeros((1, size)), np.eye(size)])
 
-    def derivatives(bend: Array) -> tuple[Array, Array]:
+    def derivatives(bend: Floats) -> tuple[Floats, Floats]:
         """First (K, n) and second (K, n, n) derivative of the potential energy, N m."""
         moved = bend.reshape(1, count, size) + ways[:, None]
         shapes = VariableCurvature(robot, moved.reshape(-1, *bend.shape[1:]))
@@ -398,11 +395,3 @@ def _newton(robot: Robot, loads: _Loads, start: Array) -> Array:
     scaled[~np.isfinite(scaled).all(axis=(1, 2))] = -np.eye(size)
     stable = known & (change < _CONVERGED) & (np.linalg.eigvalsh(scaled)[:, 0] > 0.0)
     return np.asarray(np.where(stable[:, None, None, None], bend, np.nan))
-
-
-def _degree(degree: int) -> int:
-    if not is_whole(degree) or not 0 <= degree <= MAX_DEGREE:
-        raise InputError(
-            f"degree is {shown(degree)}, it must be a whole number from 0 to {MAX_DEGREE}"
-        )
-    return int(degree)

@@ -13,9 +13,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import bowstring._core as _core
+from bowstring.aliases import Floats
 from bowstring.constant_curvature.arc import Arc, Routing, broadcast, check_option, to_array
 from bowstring.constant_curvature.series import series_jacobian
 from bowstring.display import short_repr
@@ -26,9 +27,6 @@ from bowstring.robot.arrays import frozen
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["RobotArcs"]
-
-Array = NDArray[np.float64]
 Correction = Literal["chord"]
 Law = Literal["linear", "arm"]
 
@@ -54,7 +52,7 @@ class RobotArcs:
     "chord": straight between the holes of the disks, theory Eq. 1.5."""
     hold_length: bool = False
     """Whether segments keep their lengths where arcs are fitted to tendon lengths."""
-    module_bends: Array = field(init=False, repr=False)
+    module_bends: Floats = field(init=False, repr=False)
     """Bends of the modules (..., N), rad, with a correction; by default in the proportion of theory
     Eq. 1.11. Without a correction N is 0."""
 
@@ -77,7 +75,7 @@ class RobotArcs:
         arc: Arc,
         correction: Correction | None,
         hold_length: bool,
-        bends: Array,
+        bends: Floats,
     ) -> RobotArcs:
         """Make checked arcs whose modules have bends of their own (n, N), rad."""
         made = cls.__new__(cls)
@@ -90,7 +88,7 @@ class RobotArcs:
             object.__setattr__(made, name, value)
         return made._bend(bends)
 
-    def _bend(self, bends: Array) -> RobotArcs:
+    def _bend(self, bends: Floats) -> RobotArcs:
         """Set the bends of the modules (n, N), rad."""
         shape = self.kappa.shape[:-1]
         object.__setattr__(self, "module_bends", frozen(bends).reshape(*shape, bends.shape[-1]))
@@ -101,7 +99,7 @@ class RobotArcs:
         law = "held" if self.hold_length else "lengths"
         return _core.RobotArcs(self.robot.core, "chords" if self.correction else law)
 
-    def _rows(self, shape: tuple[int, ...]) -> tuple[Array, Array]:
+    def _rows(self, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
         """Arcs (n S, 3) and bends of the modules (n, N), with leading dimensions broadcast."""
         arcs = np.broadcast_to(self.arc.bend, (*shape, *self.arc.bend.shape[-2:]))
         bends = np.broadcast_to(self.module_bends, (*shape, self.module_bends.shape[-1]))
@@ -109,27 +107,27 @@ class RobotArcs:
         return arcs.reshape(-1, 3), np.ascontiguousarray(bends.reshape(count, bends.shape[-1]))
 
     @property
-    def kappa(self) -> Array:
+    def kappa(self) -> Floats:
         """Curvatures (..., S), 1/m."""
         return self.arc.kappa
 
     @property
-    def phi(self) -> Array:
+    def phi(self) -> Floats:
         """Directions of bending (..., S), rad, in the frame of each segment's start."""
         return self.arc.phi
 
     @property
-    def length(self) -> Array:
+    def length(self) -> Floats:
         """Lengths (..., S), m."""
         return self.arc.length
 
     @property
-    def theta(self) -> Array:
+    def theta(self) -> Floats:
         """Bend angles (..., S), rad."""
         return self.arc.theta
 
     @property
-    def misfit(self) -> Array:
+    def misfit(self) -> Floats:
         """Residual of the fit of each arc (..., S), m; see `Arc.misfit`."""
         return self.arc.misfit
 
@@ -145,7 +143,7 @@ class RobotArcs:
         cls,
         robot: Robot,
         law: str,
-        commands: Array,
+        commands: Floats,
         correction: Correction | None,
         hold_length: bool = False,
     ) -> RobotArcs:
@@ -304,15 +302,17 @@ class RobotArcs:
             raise NoSolutionError(f"no corrected arc was found for the point: {error}") from None
 
     @classmethod
-    def _corrected_ik(cls, robot: Robot, points: Array, start: Arc, free_length: bool) -> RobotArcs:
+    def _corrected_ik(
+        cls, robot: Robot, points: Floats, start: Arc, free_length: bool
+    ) -> RobotArcs:
         """Newton's iteration from the arcs without correction, in the plane of the bend."""
         phi = np.arctan2(points[..., 1], points[..., 0])
         target = np.stack([np.hypot(points[..., 0], points[..., 1]), points[..., 2]], axis=-1)
 
-        def arcs(theta: Array, length: Array) -> RobotArcs:
+        def arcs(theta: Floats, length: Floats) -> RobotArcs:
             return cls(robot, Arc(theta / length, phi, length), "chord")
 
-        def tip(theta: Array, length: Array) -> Array:
+        def tip(theta: Floats, length: Floats) -> Floats:
             x, y, z = np.moveaxis(arcs(theta, length).tip.position[..., None, :], -1, 0)
             return np.stack([np.cos(phi) * x + np.sin(phi) * y, z], axis=-1)
 
@@ -371,7 +371,7 @@ class RobotArcs:
         return self._poses(shape, place[:, None], shape)
 
     def _poses(
-        self, lead: tuple[int, ...], arc_lengths: Array | None, shape: tuple[int, ...]
+        self, lead: tuple[int, ...], arc_lengths: Floats | None, shape: tuple[int, ...]
     ) -> Pose:
         """Poses of the given shape at arc lengths (n, k), by default at the disks."""
         position, rotation = self._core.poses(*self._rows(lead), arc_lengths)
@@ -388,16 +388,16 @@ class RobotArcs:
         return self._poses(lead, None, (*lead, len(self.robot.disks.station_m)))
 
     @property
-    def disk_positions(self) -> Array:
+    def disk_positions(self) -> Floats:
         """Disk centres from base to tip, base excluded (..., N, 3), m."""
         return self._disks.position
 
     @property
-    def disk_rotations(self) -> Array:
+    def disk_rotations(self) -> Floats:
         """Disk rotations (..., N, 3, 3)."""
         return self._disks.rotation
 
-    def centerline(self, points_per_segment: int = 65) -> Array:
+    def centerline(self, points_per_segment: int = 65) -> Floats:
         """Points of the backbone from base to tip.
 
         Parameters
@@ -419,13 +419,13 @@ class RobotArcs:
         at = np.concatenate([np.zeros((*lead, 1)), inner], axis=-1)
         return self._poses(lead, at.reshape(-1, at.shape[-1]), at.shape).position
 
-    def lengths(self) -> Array:
+    def lengths(self) -> Floats:
         """Tendon lengths (..., T) from the base to each tendon's end disk, m."""
         lead = self.kappa.shape[:-1]
         count = len(self.robot.tendons.segment)
         return self._core.tendon_lengths(*self._rows(lead)).reshape(*lead, count)
 
-    def jacobian(self) -> Array:
+    def jacobian(self) -> Floats:
         """Derivative of the tip pose by the tendon lengths through `from_lengths`.
 
         Returns
@@ -454,7 +454,7 @@ class RobotArcs:
         _, by_arcs = series_jacobian(self.arc.bend, np.ones(shape))
         return np.asarray(by_arcs @ by_length.reshape(*shape[:-1], 3 * shape[-1], count))
 
-    def _differences(self) -> Array:
+    def _differences(self) -> Floats:
         lengths = self.lengths()
         step = _STEP * self.robot.length
         moved = lengths[..., None, :] + step * np.eye(lengths.shape[-1])

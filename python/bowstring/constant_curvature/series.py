@@ -8,17 +8,13 @@ Each arc starts at the end of the one before, in its direction.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 import bowstring._core as _core
+from bowstring.aliases import Floats
 from bowstring.pose import Pose
 
-__all__ = ["series_jacobian", "series_pose"]
 
-Array = NDArray[np.float64]
-
-
-def series_pose(arcs: Array, share: Array) -> Pose:
+def series_pose(arcs: Floats, share: Floats) -> Pose:
     """Pose at the end of S arcs in series.
 
     Parameters
@@ -40,7 +36,7 @@ def series_pose(arcs: Array, share: Array) -> Pose:
     return pose
 
 
-def series_jacobian(arcs: Array, share: Array) -> tuple[Pose, Array]:
+def series_jacobian(arcs: Floats, share: Floats) -> tuple[Pose, Floats]:
     """Pose at the end of S arcs in series, and its derivative by their bend coordinates.
 
     The parameters are those of `series_pose`. The derivative (..., 6, 3 S) at fixed shares has the
@@ -65,7 +61,7 @@ def series_jacobian(arcs: Array, share: Array) -> tuple[Pose, Array]:
     return pose, np.concatenate(columns, axis=-1)
 
 
-def _steps(parts: Array) -> list[Pose]:
+def _steps(parts: Floats) -> list[Pose]:
     """Pose of the end of each arc (..., S, 3) in the frame of its own start."""
     position, rotation = _core.arc_pose(parts.reshape(-1, 3))
     position, rotation = position.reshape(parts.shape), rotation.reshape(*parts.shape, 3)

@@ -20,16 +20,13 @@ from functools import cached_property, lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Floats
 from bowstring.constant_curvature.series import series_jacobian, series_pose
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.pose import Pose
 from bowstring.validation import floats, floats_or_refuse, is_whole, shown
-
-__all__ = ["ArcFit", "Profile", "fit_arcs"]
-
-Array = NDArray[np.float64]
 
 _STARTS: Final = np.linspace(-4.0 * np.pi, 4.0 * np.pi, 51)  # initial bends, rad
 _EVALUATIONS: Final = 5000
@@ -42,13 +39,13 @@ _CROSS: Final = np.cross(np.eye(3)[:, None], np.eye(3)).reshape(3, 9)  # a x b =
 class Profile(NamedTuple):
     """Error of the arcs along the robot, over many shapes."""
 
-    fraction: Array
+    fraction: Floats
     """Shares of the length (n,), from 0 to 1."""
-    mean: Array
+    mean: Floats
     """Mean distance from shape to arc (n,), over length."""
-    maximum: Array
+    maximum: Floats
     """Largest distance from shape to arc (n,), over length."""
-    bent_more: Array
+    bent_more: Floats
     """Mean curvature of the shapes minus that of their arcs (n,), times length, rad; constant
     beyond the first and the last vertex."""
 
@@ -62,18 +59,18 @@ class ArcFit:
 
     pieces: int
     """Number m of arcs per shape."""
-    length: Array
+    length: Floats
     """Length of each shape (K,), in the unit of its points."""
-    fraction: Array
+    fraction: Floats
     """Share of the length at each point (K, P)."""
-    measured: Array
+    measured: Floats
     """Measured points (K, P, D)."""
-    fitted: Array
+    fitted: Floats
     """Points of the arcs at the same shares of the length (K, P, D)."""
-    frame: Array
+    frame: Floats
     """Start frames (K, 3, 3), z along the start of the arc, body to the axes of the points. For
     plane shapes, the first axis of the plane is the third one here, and the second the first."""
-    bend: Array
+    bend: Floats
     """Bends (K, m, 2) of the pieces over their own lengths, rad: rotations about y and about -x of
     the start frame of each piece, as in `bowstring.constant_curvature.arc`."""
 
@@ -86,12 +83,12 @@ class ArcFit:
         return int(self.measured.shape[-1])
 
     @property
-    def direction(self) -> Array:
+    def direction(self) -> Floats:
         """Start directions of the arcs (K, D), unit vectors."""
         return _from_space(self.frame[:, :, 2], self.dimensions)
 
     @property
-    def curvature(self) -> Array:
+    def curvature(self) -> Floats:
         """Curvature times length (K, m), rad.
 
         In a plane it is positive where the arc turns from the first axis towards the second. In
@@ -102,7 +99,7 @@ class ArcFit:
         return np.asarray(np.linalg.norm(self.bend, axis=-1) * self.pieces)
 
     @cached_property
-    def curvature_vector(self) -> Array:
+    def curvature_vector(self) -> Floats:
         """Derivative of the unit tangent by the share of the length, at the start of each piece.
 
         Shape (K, m, D), rad, in the axes of the points.
@@ -113,27 +110,27 @@ class ArcFit:
         return _from_space((frames @ flat[..., None])[..., 0] * self.pieces, self.dimensions)
 
     @property
-    def error(self) -> Array:
+    def error(self) -> Floats:
         """Arc minus measured point (K, P, D), over length."""
         return self.fitted - self.measured
 
     @cached_property
-    def distance(self) -> Array:
+    def distance(self) -> Floats:
         """Length of `error` (K, P), over length."""
         return np.asarray(np.linalg.norm(self.error, axis=-1))
 
     @property
-    def rms(self) -> Array:
+    def rms(self) -> Floats:
         """Root mean square of the distance over the points of each shape (K,), over length."""
         return np.asarray(np.sqrt(np.mean(self.distance**2, axis=-1)))
 
     @property
-    def tip(self) -> Array:
+    def tip(self) -> Floats:
         """Distance at the last point (K,), over length."""
         return self.distance[:, -1]
 
     @cached_property
-    def residual_curvature(self) -> Array:
+    def residual_curvature(self) -> Floats:
         """Local curvature of the shape minus that of the arc, at the inner points, times length.
 
         Shape (K, P - 2, D - 1), rad. The first component is in the plane of the arc, positive where
@@ -166,7 +163,7 @@ class ArcFit:
         parts = (self.length, self.fraction, self.measured, self.fitted, self.frame, self.bend)
         return ArcFit(self.pieces, *(np.array(part[at]) for part in parts))
 
-    def curve(self, fraction: ArrayLike) -> Array:
+    def curve(self, fraction: ArrayLike) -> Floats:
         """Points of the arcs (K, n, D) at shares (n,) of their length, over length."""
         pose = _along(self.frame, self.bend, floats(fraction).reshape(-1))
         return _from_space(pose.position, self.dimensions)
@@ -282,7 +279,7 @@ def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = No
 # -- input -------------------------------------------------------------------------------------
 
 
-def _checked(points: ArrayLike, stations: ArrayLike | None) -> tuple[Array, Array, Array]:
+def _checked(points: ArrayLike, stations: ArrayLike | None) -> tuple[Floats, Floats, Floats]:
     """Check the input; return points (K, P, D), shares of the length (K, P) and lengths (K,)."""
     rows = floats_or_refuse(
         points,
@@ -337,37 +334,37 @@ def _checked(points: ArrayLike, stations: ArrayLike | None) -> tuple[Array, Arra
     return rows, at / length[:, None], length
 
 
-def _to_space(rows: Array) -> Array:
+def _to_space(rows: Floats) -> Floats:
     """Shapes in space; the first axis of a plane becomes z and the second x."""
     if rows.shape[-1] == 3:
         return rows
     return np.stack([rows[..., 1], np.zeros(rows.shape[:-1]), rows[..., 0]], axis=-1)
 
 
-def _from_space(rows: Array, dimensions: int) -> Array:
+def _from_space(rows: Floats, dimensions: int) -> Floats:
     return rows if dimensions == 3 else rows[..., [2, 0]]
 
 
-def _interpolated(grid: Array, at: Array, values: Array) -> Array:
+def _interpolated(grid: Floats, at: Floats, values: Floats) -> Floats:
     return np.stack([np.interp(grid, x, y) for x, y in zip(at, values, strict=True)])
 
 
 # -- arcs in series ----------------------------------------------------------------------------
 
 
-def _along(frame: Array, bend: Array, fraction: Array) -> Pose:
+def _along(frame: Floats, bend: Floats, fraction: Floats) -> Pose:
     """Poses (K, P) at shares (K, P) or (P,) of the length of arcs with start frames (K, 3, 3)."""
     arcs = _arcs(bend)[:, None]
     return Pose(np.zeros(3), frame[:, None]) @ series_pose(arcs, _shares(fraction, bend.shape[1]))
 
 
-def _arcs(bend: Array) -> Array:
+def _arcs(bend: Floats) -> Floats:
     """Bend coordinates (..., m, 3) of equal pieces of a backbone of length 1."""
     m = bend.shape[-2]
     return np.concatenate([bend, np.full((*bend.shape[:-1], 1), 1.0 / m)], axis=-1)
 
 
-def _shares(fraction: Array, m: int) -> Array:
+def _shares(fraction: Floats, m: int) -> Floats:
     """Part (..., m) of each piece before each point."""
     return np.clip(fraction[..., None] * m - np.arange(m), 0.0, 1.0)
 
@@ -377,12 +374,12 @@ def _shares(fraction: Array, m: int) -> Array:
 
 class _Found(NamedTuple):
     cost: float
-    frame: Array
-    bend: Array
+    frame: Floats
+    bend: Floats
     converged: bool
 
 
-def _fit(target: Array, fraction: Array, m: int, planar: bool) -> tuple[Array, Array]:
+def _fit(target: Floats, fraction: Floats, m: int, planar: bool) -> tuple[Floats, Floats]:
     """Fit arcs; return start frames (K, 3, 3) and bends (K, m, 2)."""
     frame, bend = _best_start(target, fraction, planar)
     starts = [(frame, np.repeat(bend / m, m, axis=1))]
@@ -401,7 +398,9 @@ def _fit(target: Array, fraction: Array, m: int, planar: bool) -> tuple[Array, A
     return frames, bends
 
 
-def _least_squares(points: Array, share: Array, frame: Array, bend: Array, planar: bool) -> _Found:
+def _least_squares(
+    points: Floats, share: Floats, frame: Floats, bend: Floats, planar: bool
+) -> _Found:
     """Fit arcs to points (P, 3) from an initial guess by Levenberg-Marquardt (MINPACK).
 
     Unknowns are rotations of the start frame about its x and then its y axis (in a plane about y
@@ -411,7 +410,7 @@ def _least_squares(points: Array, share: Array, frame: Array, bend: Array, plana
 
     axes = 1 if planar else 2
 
-    def moved(unknowns: Array) -> tuple[Array, Array]:
+    def moved(unknowns: Floats) -> tuple[Floats, Floats]:
         about_x, about_y = (0.0, *unknowns[:1]) if planar else unknowns[:2]
         (c, s), (cx, sx) = ((math.cos(a), math.sin(a)) for a in (about_y, about_x))
         turn = np.array([[c, 0.0, s], [sx * s, cx, -sx * c], [-cx * s, sx, cx * c]])
@@ -420,7 +419,7 @@ def _least_squares(points: Array, share: Array, frame: Array, bend: Array, plana
         return turn, bends
 
     @lru_cache(maxsize=1)
-    def evaluated(key: bytes) -> tuple[Array, Array]:
+    def evaluated(key: bytes) -> tuple[Floats, Floats]:
         turn, bends = moved(np.frombuffer(key))
         pose, by = series_jacobian(_arcs(bends), share)
         seen = points @ (frame @ turn)
@@ -448,7 +447,7 @@ def _least_squares(points: Array, share: Array, frame: Array, bend: Array, plana
     return _Found(cost, frame @ turn, bends, state in (1, 2, 3, 4))
 
 
-def _best_start(target: Array, fraction: Array, planar: bool) -> tuple[Array, Array]:
+def _best_start(target: Floats, fraction: Floats, planar: bool) -> tuple[Floats, Floats]:
     """Best of many single arcs, each with its optimal direction."""
     bends = _STARTS if planar else _STARTS[_STARTS >= 0.0]
     best = np.full(len(target), -np.inf)
@@ -475,14 +474,14 @@ def _best_start(target: Array, fraction: Array, planar: bool) -> tuple[Array, Ar
     return _with_columns(pair), bend
 
 
-def _with_columns(overlap: Array) -> Array:
+def _with_columns(overlap: Floats) -> Floats:
     """Frames (K, 3, 3) whose x and z columns have the largest inner product with (K, 3, 2)."""
     u, _, v = np.linalg.svd(overlap, full_matrices=False)
     x, z = np.moveaxis(u @ v, -1, 0)
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
-def _rotation_part(overlap: Array) -> Array:
+def _rotation_part(overlap: Floats) -> Floats:
     """Part of overlaps (K, 3, 2) in the plane y = 0 that a rotation about y can attain."""
     same = 0.5 * (overlap[:, 0, 0] + overlap[:, 2, 1])
     turn = 0.5 * (overlap[:, 0, 1] - overlap[:, 2, 0])
@@ -490,7 +489,7 @@ def _rotation_part(overlap: Array) -> Array:
     return np.stack([same, turn, none, none, -turn, same], axis=-1).reshape(-1, 3, 2)
 
 
-def _turned_start(target: Array, fraction: Array, m: int, planar: bool) -> tuple[Array, Array]:
+def _turned_start(target: Floats, fraction: Floats, m: int, planar: bool) -> tuple[Floats, Floats]:
     """Initial pieces with the angles of the polyline, in the optimal direction."""
     from scipy.spatial.transform import Rotation
 
@@ -515,7 +514,7 @@ def _turned_start(target: Array, fraction: Array, m: int, planar: bool) -> tuple
     return u @ v @ frame, bend
 
 
-def _frame_along(z: Array, planar: bool) -> Array:
+def _frame_along(z: Floats, planar: bool) -> Floats:
     """Frames (K, 3, 3) with z along vectors (K, 3); y is normal to the plane, or arbitrary."""
     z = z / np.linalg.norm(z, axis=-1, keepdims=True)
     if planar:
@@ -526,7 +525,7 @@ def _frame_along(z: Array, planar: bool) -> Array:
     return np.stack([np.cross(y, z), y, z], axis=-1)
 
 
-def _turns(before: Array, after: Array) -> Array:
+def _turns(before: Floats, after: Floats) -> Floats:
     """Rotation vectors (..., 3) from each side to the next; 0 where they are opposite."""
     cross = np.cross(before, after)
     size = np.linalg.norm(cross, axis=-1, keepdims=True)

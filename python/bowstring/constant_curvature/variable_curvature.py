@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import bowstring._core as _core
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.pose import Pose
@@ -30,9 +31,6 @@ from bowstring.validation import floats
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["MAX_DEGREE", "VariableCurvature", "legendre"]
-
-Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 MAX_DEGREE: Final = 5
@@ -43,7 +41,7 @@ _NODE: Final = math.sqrt(3.0) / 6.0  # node of Gauss' rule, from the middle of a
 _WEIGHTS: Final = (0.25 + _NODE, 0.25 - _NODE)  # weights of both nodes in the first arc of a step
 
 
-def legendre(share: Array, degree: int) -> Array:
+def legendre(share: Floats, degree: int) -> Floats:
     """Shifted Legendre polynomials (n, degree + 1) at shares (n,) of a segment."""
     return np.asarray(np.polynomial.legendre.legvander(2.0 * share - 1.0, degree))
 
@@ -52,9 +50,9 @@ def legendre(share: Array, degree: int) -> Array:
 class _Arcs:
     """Arcs of all steps of a robot, from base to tip."""
 
-    length: Array
+    length: Floats
     """Lengths (A,), m."""
-    weight: Array
+    weight: Floats
     """Bend (A, degree + 1) of each arc by the coefficients of its segment."""
     first: list[int]
     """First arc of each segment, and the number of all."""
@@ -68,7 +66,7 @@ class VariableCurvature:
     """Backbones of a robot with a polynomial curvature in each segment, or an array of them."""
 
     robot: Robot = field(repr=False)
-    bend: Array
+    bend: Floats
     """Coefficients (..., S, degree + 1, 2) of the curvature times the length of the segment, rad:
     towards x and y of the frame without torsion. The first is the mean over the segment."""
 
@@ -85,7 +83,7 @@ class VariableCurvature:
         """Degree of the polynomials: 0 for constant curvature."""
         return int(self.bend.shape[-2]) - 1
 
-    def curvature(self, segment: int, share: ArrayLike) -> Array:
+    def curvature(self, segment: int, share: ArrayLike) -> Floats:
         """Curvature vector of a segment at shares of its length.
 
         Parameters
@@ -104,12 +102,12 @@ class VariableCurvature:
         return np.asarray(values / self.robot.segments[segment].length)
 
     @property
-    def disk_positions(self) -> Array:
+    def disk_positions(self) -> Floats:
         """Disk centres from base to tip, base excluded (..., N, 3), m."""
         return np.asarray(self._disks.position)
 
     @property
-    def disk_rotations(self) -> Array:
+    def disk_rotations(self) -> Floats:
         """Disk rotations (..., N, 3, 3)."""
         return np.asarray(self._disks.rotation)
 
@@ -118,12 +116,12 @@ class VariableCurvature:
         """Pose of the tip: position (..., 3), m, and rotation (..., 3, 3)."""
         return Pose(self.disk_positions[..., -1, :], self.disk_rotations[..., -1, :, :])
 
-    def centerline(self) -> Array:
+    def centerline(self) -> Floats:
         """Points (..., n, 3) of the backbone from base to tip, at the ends of the steps, m."""
         position = self._chain[0]
         return np.moveaxis(position[::2], 0, 1).reshape(*self._lead, -1, 3)
 
-    def disk_jacobian(self) -> Array:
+    def disk_jacobian(self) -> Floats:
         """Derivative of the disk centres by the coefficients, shape (..., N, 3, S, degree + 1, 2).
 
         It is that of the integrated steps, without a further error.
@@ -178,7 +176,7 @@ class VariableCurvature:
         return _Arcs(np.concatenate(lengths), np.concatenate(weights), first, np.array(ends))
 
     @cached_property
-    def _bends(self) -> Array:
+    def _bends(self) -> Floats:
         """Bend coordinates (A, K, 3) of all arcs of K backbones."""
         arcs, bend = self._arcs, self.bend.reshape(-1, *self.bend.shape[-3:])
         parts = [
@@ -190,7 +188,7 @@ class VariableCurvature:
         return np.concatenate([whole, length], axis=-1)
 
     @cached_property
-    def _chain(self) -> tuple[Array, Array]:
+    def _chain(self) -> tuple[Floats, Floats]:
         """Positions (A + 1, K, 3) and rotations (A + 1, K, 3, 3) at the ends of the arcs."""
         bends = self._bends
         steps, turns = _core.arc_pose(bends.reshape(-1, 3))

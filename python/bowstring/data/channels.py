@@ -6,22 +6,9 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.formatting import listed, significant
-
-__all__ = [
-    "advice",
-    "is_negated",
-    "likely_zero",
-    "noise_about_zero",
-    "rest",
-    "saturated",
-    "spikes",
-    "steady",
-]
-
-Floats = NDArray[np.float64]
 
 _FEW: Final = 4  # readings below zero that do not show their distribution
 _SMALL: Final = 0.02  # share of the range below which readings below zero are noise by their size
@@ -97,7 +84,7 @@ def _few_of(count: int) -> int:
     return max(1 + (count >= _TWO), int(_OFTEN * count))
 
 
-def spikes(readings: Floats) -> NDArray[np.int64]:
+def spikes(readings: Floats) -> Ints:
     """Rows of the few readings that lie several times the range of the others away from them.
 
     Many in a row are a pulse; the last of a geometric series is not a spike.
@@ -135,7 +122,7 @@ def _is_geometric(readings: Floats, centre: float) -> bool:
     return bool(ratios.max() <= _ALIKE * ratios.min())
 
 
-def steady(readings: Floats) -> NDArray[np.bool_]:
+def steady(readings: Floats) -> Bools:
     """Readings of a robot at rest without spikes: several times the range of the others away."""
     order = np.argsort(np.abs(readings - np.median(readings)), kind="stable")
     kept = np.ones(len(readings), bool)

@@ -14,16 +14,12 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.data.columns import Column
 from bowstring.data.tables import with_point
 from bowstring.errors import InputError
 from bowstring.units import NUMBER, quote
-
-__all__ = ["DATES", "ISO", "AmbiguousDateError", "is_time", "seconds_of", "times"]
-
-Floats = NDArray[np.float64]
 
 #: Unit of a time given as date, clock time or duration in words.
 ISO: Final = "iso"

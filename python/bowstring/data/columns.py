@@ -12,29 +12,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic_core import PydanticCustomError
 
+from bowstring.aliases import Floats
 from bowstring.data.tables import Table, UnknownColumnsError
 from bowstring.errors import InputError
 from bowstring.units import NUMBER, Quantity, quote, read_number, wrong
-
-__all__ = [
-    "PIXELS",
-    "SIGMA",
-    "SOURCES",
-    "TOOL",
-    "Column",
-    "Layout",
-    "Part",
-    "Zero",
-    "check_stations",
-    "did_you_mean",
-    "factor_of",
-    "nearest",
-    "read_zero",
-    "tidy",
-]
 
 #: Allowed sources of data.
 Source = Literal["measured", "synthetic", "computed"]
@@ -43,7 +26,6 @@ PIXELS: Final = "px"
 TOOL: Final = Quantity("m", "0 0 8 mm", "-10 m", "10 m", vector=3)
 SIGMA: Final = Quantity("m", "0.02 mm", "1e-12 m", "10 m")
 
-Floats = NDArray[np.float64]
 Kind = Literal["tension", "displacement"]
 Part = Literal["all", "positive", "negative"]
 #: Zero of a column: a number in its unit, or the first and the last row whose mean it is.

@@ -14,11 +14,11 @@ import shutil
 import stat
 import threading
 import urllib.parse
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
+from bowstring.aliases import Progress
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import (
     check_replaceable,
@@ -34,7 +34,6 @@ from bowstring.units import quote
 
 __all__ = ["DataFile", "DataSet", "available", "copy", "describe", "path", "table"]
 
-Progress = Callable[[str, float], None]
 VARIABLE: Final = "BOWSTRING_DATA"
 _RAW: Final = "https://raw.githubusercontent.com"
 _LICENCE: Final = "LICENSE"

@@ -11,8 +11,6 @@ from bowstring.data.columns import nearest
 from bowstring.errors import InputError
 from bowstring.units import quote
 
-__all__ = ["Fields", "checked"]
-
 Model = TypeVar("Model", bound=BaseModel)
 
 _MOST: Final = 20  # listed problems

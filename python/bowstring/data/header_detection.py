@@ -34,8 +34,6 @@ from bowstring.data.tables import (
 )
 from bowstring.errors import InputError
 
-__all__ = ["UNITS", "detected"]
-
 _MOST_LINES: Final = 1_000  # lines in which a table begins
 _ROWS: Final = 3  # rows of numbers with which it begins
 #: Units of a row of units below a header.

@@ -8,17 +8,14 @@ from itertools import islice
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.data.clock import times
 from bowstring.data.columns import Column
 from bowstring.data.tables import Row, Table, cell_number, with_point
 from bowstring.errors import InputError
 from bowstring.units import quote
 
-__all__ = ["How", "join"]
-
-Floats = NDArray[np.float64]
 How = Literal["linear", "nearest", "previous"]
 
 _CHUNK: Final = 5_000  # rows

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
+from bowstring.aliases import Floats
 from bowstring.data.clock import DATES
 from bowstring.data.columns import (
     PIXELS,
@@ -39,12 +39,8 @@ from bowstring.errors import InputError
 from bowstring.robot.safe_yaml import read_yaml, reading, text_of
 from bowstring.units import NUMBER, Quantity, Text, quote, read_number, wrong
 
-__all__ = ["Mapping", "load_mapping", "mapping_names"]
-
 _BUILT_IN: Final = Path(__file__).with_name("mappings")
 _MOST_POINTS: Final = 1_000
-
-Floats = NDArray[np.float64]
 
 
 def _scale_of(unit: str, si: str) -> float:

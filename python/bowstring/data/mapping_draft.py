@@ -18,17 +18,13 @@ from itertools import islice, pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.data.clock import DATES, ISO, AmbiguousDateError, is_time, seconds_of
 from bowstring.data.header_detection import UNITS
 from bowstring.data.tables import Form, Table, cell_number, is_name, with_point
 from bowstring.robot.model import Robot
 from bowstring.units import quote
-
-__all__ = ["draft"]
-
-Floats = NDArray[np.float64]
 
 _ENOUGH: Final = 2  # of name, unit and numbers
 _CLEARLY: Final = 1.5  # ratio of the motion of two points of which one is the tip

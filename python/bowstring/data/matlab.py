@@ -17,8 +17,6 @@ from bowstring.errors import InputError, library_errors
 from bowstring.optional import load_extra
 from bowstring.units import quote
 
-__all__ = ["is_matlab", "read_columns"]
-
 _HEADER: Final = 128  # bytes
 _COMPRESSED: Final = 15  # type of an element
 _MOST_BYTES: Final = 1_000_000_000  # of all variables, unpacked

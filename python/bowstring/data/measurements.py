@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring._core import __version__
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.data import channels, datasets
 from bowstring.data.clock import ISO, times
 from bowstring.data.columns import SOURCES, Column, Joined, Layout, Source, check_stations, tidy
@@ -48,14 +49,6 @@ from bowstring.robot.model import Robot, check_robot
 from bowstring.significance import NORMAL, student
 from bowstring.units import printable, quote
 
-__all__ = [
-    "STANDARD_GRAVITY",
-    "Measurements",
-    "load",
-    "read_measurements",
-    "write_measurements",
-]
-
 STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
 _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100
@@ -72,9 +65,6 @@ _MANY: Final = 10  # rows in which a measured number varies
 _FEW: Final = 0.05  # share of rows left out above which results are doubtful
 _LOADED: Final = 0.1  # range of a tension over the largest, above which the tendon is loaded
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -190,7 +180,7 @@ class Measurements:
         return np.asarray(self.points[:, -1])
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
+    def seen(self) -> Bools:
         """Whether a row has a measured tip (K,); the others are only steps of the path."""
         return np.asarray(np.isfinite(self.tip).all(axis=1))
 
@@ -616,7 +606,7 @@ class _Reader:
         def numbers(
             column: Column,
             kind: str = "",
-            blank: bool | NDArray[np.bool_] = False,
+            blank: bool | Bools = False,
             read: tuple[Sequence[str], Floats] | None = None,
         ) -> Floats:
             if column.constant is not None:
@@ -704,7 +694,7 @@ class _Reader:
         out["key"] = np.fromiter(map(hash, zip(*columns, strict=True)), np.int64, n)
         return {name: array[good] for name, array in out.items()}
 
-    def judge_tensions(self, tensions: Floats, lines: Ints) -> NDArray[np.bool_]:
+    def judge_tensions(self, tensions: Floats, lines: Ints) -> Bools:
         """Rows (K,) without a tension below zero; noise about zero is set to zero in place."""
         good = np.ones(len(lines), bool)
         zeros: list[tuple[str, float]] = []
@@ -751,7 +741,7 @@ class _Reader:
             self.likely_zeros, self.negated = tuple(zeros), tuple(negated)
         return good
 
-    def find_faults(self, arrays: dict[str, Any]) -> NDArray[np.bool_]:
+    def find_faults(self, arrays: dict[str, Any]) -> Bools:
         """List spikes, saturated sensors and columns of a constant.
 
         Returns rows (K,) without a spike of a command. A point with a spike becomes NaN in place:
@@ -913,7 +903,7 @@ class _Reader:
                 return values
         return np.array([cell_number(cell) for cell in cells], dtype=float)
 
-    def shapes(self, cells: Sequence[str], lines: list[int], good: NDArray[np.bool_]) -> Floats:
+    def shapes(self, cells: Sequence[str], lines: list[int], good: Bools) -> Floats:
         """Points (n, P, 3) from cells of JSON; the first valid row determines P."""
         column = self.layout.shape
         assert column is not None
@@ -986,7 +976,7 @@ def _first(
     return None if line is None else (line, name)
 
 
-def _without(tip: Sequence[tuple[Sequence[str], Floats]], count: int) -> NDArray[np.bool_]:
+def _without(tip: Sequence[tuple[Sequence[str], Floats]], count: int) -> Bools:
     """Rows (count,) without a measured tip: all coordinates blank, NaN or not measured."""
     out = np.ones(count, bool)
     for _, values in tip:
@@ -996,7 +986,7 @@ def _without(tip: Sequence[tuple[Sequence[str], Floats]], count: int) -> NDArray
     return out
 
 
-def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
+def _come_again(labels: Ints, begins: Bools) -> Ints:
     """Rows that begin a block with the labels (of each kind, of each row) of an earlier block."""
     rows = np.flatnonzero(begins)
     _, first = np.unique(labels[:, rows], axis=1, return_index=True)
@@ -1004,7 +994,7 @@ def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
 
 
 # Rule for numbers of a kind, and end of the message if broken.
-_RULES: Final[dict[str, tuple[Callable[[Floats], NDArray[np.bool_]], str]]] = {
+_RULES: Final[dict[str, tuple[Callable[[Floats], Bools], str]]] = {
     "sigma": (lambda si: si > 0, "; an uncertainty is above zero"),
     "repeat": (
         lambda si: (si == np.round(si)) & (np.abs(si) < 1e15),

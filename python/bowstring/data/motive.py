@@ -15,8 +15,6 @@ from typing import Final
 from bowstring.errors import InputError
 from bowstring.units import quote
 
-__all__ = ["FRAME", "TIME", "Export", "is_export", "read_header"]
-
 FRAME: Final = "Frame"
 TIME: Final = "Time (Seconds)"
 _FIRST: Final = "Format Version"

@@ -25,10 +25,11 @@ from itertools import combinations
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import linalg, optimize, special
 from scipy.spatial.transform import Rotation
 
+from bowstring.aliases import Floats
 from bowstring.data.rigid import SKEW, Rigid, align
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import short_repr
@@ -45,7 +46,6 @@ __all__ = [
     "with_and_without",
 ]
 
-Array = NDArray[np.float64]
 Kind = Literal["known", "fiducials", "model"]
 
 PARAMETERS: Final = tuple(
@@ -81,23 +81,23 @@ class Registration:
     """"known", "fiducials" or "model": made by `known`, `fit_fiducials` or `fit_model`."""
     frame: Rigid
     """Motion from measuring frame to base frame."""
-    pivot: Array
+    pivot: Floats
     """Point (3,) to which rotation and shift refer, m, base frame."""
-    covariance: Array
+    covariance: Floats
     """Covariance of `parameters` (p, p), rad and m. Where a parameter is not identifiable, the
     diagonal is infinite and the rest NaN. Zero if the frame is known."""
-    residual: Array
+    residual: Floats
     """Registered minus given points (n, 3), m, base axes, with the offset."""
-    weight: Array
+    weight: Floats
     """Final weights (n,) of a robust fit, from 0 to 1; 1 in other fits."""
-    sigma: Array
+    sigma: Floats
     """Standard deviation of a measured coordinate (n,), m: given, or from the residuals."""
     sigma_given: bool
     """Whether standard deviations were given, not estimated from the residuals; True if the frame
     is known."""
     robust: bool = False
     """Whether it is a robust fit with Huber's loss."""
-    offset: Array | None = None
+    offset: Floats | None = None
     """Offset of the measured point from the tip (3,), m, in the tip's axes; None if not fitted."""
     undetermined: tuple[str, ...] = ()
     """Directions that are not identifiable, in words; their values stay closest to the start of
@@ -139,11 +139,11 @@ class Registration:
         return chi_square_p(self.misfit * self.dof, self.dof)
 
     @property
-    def standard_error(self) -> Array:
+    def standard_error(self) -> Floats:
         """Standard errors of `parameters` (p,), rad and m; infinite if not identifiable."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
-    def interval(self, level: float = 0.95) -> Array:
+    def interval(self, level: float = 0.95) -> Floats:
         """Half widths (p,) of the confidence intervals of `parameters`, rad and m.
 
         From the normal distribution if sigma was given, from Student's t if it is estimated from
@@ -156,7 +156,7 @@ class Registration:
         width = special.ndtri(tail) if normal else special.stdtrit(max(self.dof, 1), tail)
         return np.asarray(width * self.standard_error)
 
-    def point_covariance(self, point: ArrayLike) -> Array:
+    def point_covariance(self, point: ArrayLike) -> Floats:
         """Covariance (3, 3) of the registered position of a point (3,) of the base frame, m^2.
 
         It has the error of the frame only, without the noise of measuring that point.
@@ -169,18 +169,18 @@ class Registration:
         """RMS error of the registered position of a point (3,) of the base frame, m."""
         return float(np.sqrt(np.trace(self.point_covariance(point))))
 
-    def covariance_about(self, point: ArrayLike) -> Array:
+    def covariance_about(self, point: ArrayLike) -> Floats:
         """Covariance (6, 6) of the rotation and the shift of another point (3,), m."""
         arm = numbers("point", point, (3,), "m") - self.pivot
         by = np.eye(6)
         by[3:, :3] = -_cross(arm)
         return np.asarray(by @ self.covariance[:6, :6] @ by.T)
 
-    def apply(self, points: ArrayLike) -> Array:
+    def apply(self, points: ArrayLike) -> Floats:
         """Map measured points (..., 3) to the base frame, m."""
         return self.frame.apply(points)
 
-    def tips(self, points: ArrayLike, rotations: ArrayLike | None) -> Array:
+    def tips(self, points: ArrayLike, rotations: ArrayLike | None) -> Floats:
         """Map measured points to tips (..., 3), m, base frame, by subtracting the offset.
 
         Parameters
@@ -296,7 +296,7 @@ def fit_fiducials(
     return _registration("fiducials", pairs, best, spread)
 
 
-def _check_fiducials(name: str, points: Array) -> None:
+def _check_fiducials(name: str, points: Floats) -> None:
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     for i, j in combinations(range(len(points)), 2):
         if np.linalg.norm(points[i] - points[j]) <= 1e-9 * size:
@@ -445,10 +445,10 @@ class _Pairs:
     and the offset of the measured points from them is unknown too.
     """
 
-    measured: Array
-    base: Array
-    weight: Array
-    turns: Array | None = None
+    measured: Floats
+    base: Floats
+    weight: Floats
+    turns: Floats | None = None
 
     @property
     def unknowns(self) -> int:
@@ -463,7 +463,7 @@ class _Pairs:
         return replace(self, measured=-self.measured)
 
     @cached_property
-    def middle(self) -> Array:
+    def middle(self) -> Floats:
         """Weighted centroid (3,) of the measured points."""
         return np.asarray(self.weight @ self.measured / self.weight.sum())
 
@@ -474,16 +474,16 @@ class _Pairs:
         return math.sqrt(float(self.weight @ square / self.weight.sum()))
 
     @property
-    def linear(self) -> Array:
+    def linear(self) -> Floats:
         """Derivative (n, 3, 3 or 6) of the residuals by shift and offset."""
         shift = np.broadcast_to(np.eye(3), (len(self.base), 3, 3))
         return shift if self.turns is None else np.concatenate([shift, -self.turns], axis=2)
 
-    def arms(self, frame: Rigid) -> Array:
+    def arms(self, frame: Rigid) -> Floats:
         """Vectors from the centroid to the points (n, 3), in base axes."""
         return np.asarray((self.measured - self.middle) @ frame.rotation.T)
 
-    def residual(self, frame: Rigid, offset: Array) -> Array:
+    def residual(self, frame: Rigid, offset: Floats) -> Floats:
         """Registered minus given points (n, 3), m."""
         found = frame.apply(self.measured) - self.base
         return found if self.turns is None else np.asarray(found - self.turns @ offset)
@@ -491,7 +491,7 @@ class _Pairs:
 
 class _Best(NamedTuple):
     frame: Rigid
-    offset: Array
+    offset: Floats
     left: float
     """Weighted sum of squares."""
     bound: float = 0.0
@@ -528,11 +528,11 @@ def _refined(pairs: _Pairs, start: Rigid) -> _Best:
     root = np.sqrt(pairs.weight)[:, None]
     arms, size, fixed = pairs.arms(start), pairs.size, pairs.linear
 
-    def residual(x: Array) -> Array:
+    def residual(x: Floats) -> Floats:
         turned = Rotation.from_rotvec(x[:3] / size).apply(arms)
         return np.ravel(root * (turned + fixed @ x[3:] - pairs.base))
 
-    def jacobian(x: Array) -> Array:
+    def jacobian(x: Floats) -> Floats:
         turned = Rotation.from_rotvec(x[:3] / size).apply(arms)
         spin = -_cross(turned) @ _left_jacobian(x[:3] / size) / size
         rows = np.concatenate([spin, fixed], axis=2) * root[..., None]
@@ -555,8 +555,11 @@ def _refined(pairs: _Pairs, start: Rigid) -> _Best:
 
 
 def _least_squares(
-    residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], x: Array, ways: Array
-) -> tuple[Array, float]:
+    residual: Callable[[Floats], Floats],
+    jacobian: Callable[[Floats], Floats],
+    x: Floats,
+    ways: Floats,
+) -> tuple[Floats, float]:
     """Minimise the sum of squares along directions (d, p) from x; return minimiser and sum."""
     found = optimize.least_squares(
         lambda z: residual(x + z @ ways),
@@ -607,7 +610,7 @@ def _starts(pairs: _Pairs, first: Rigid) -> tuple[list[Rigid], float]:
     return out, bound
 
 
-def _reweighted(pairs: _Pairs, spread: Array | None, best: _Best) -> tuple[_Best, Array, Array]:
+def _reweighted(pairs: _Pairs, spread: Floats | None, best: _Best) -> tuple[_Best, Floats, Floats]:
     """Robust fit with Huber's loss: result, weights (K,), and standard deviations (K,)."""
     down = np.ones(len(pairs.base))
     for _ in range(200):
@@ -638,9 +641,9 @@ def _registration(
     kind: Kind,
     pairs: _Pairs,
     best: _Best,
-    spread: Array | None,
-    down: Array | None = None,
-    scale: Array | None = None,
+    spread: Floats | None,
+    down: Floats | None = None,
+    scale: Floats | None = None,
 ) -> Registration:
     """Covariance and identifiability, from the Jacobian of the residuals.
 
@@ -699,13 +702,13 @@ def _registration(
     )
 
 
-def _directions(rows: Array) -> tuple[Array, Array]:
+def _directions(rows: Floats) -> tuple[Floats, Floats]:
     """Singular values (p,) of a tall matrix, and its right singular vectors (p, p) as rows."""
     _, values, directions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
     return values, directions
 
 
-def _simple(space: Array) -> Array:
+def _simple(space: Floats) -> Floats:
     """Directions (d, p) with the same span, along single parameters as far as possible."""
     if len(space) < 2:
         return space
@@ -721,7 +724,7 @@ _PARTS: Final = (
 )
 
 
-def _words(direction: Array) -> str:
+def _words(direction: Floats) -> str:
     """Describe a direction in scaled parameters (p,) in words."""
     parts = []
     for i, (words, axes) in enumerate(_PARTS[: len(direction) // 3]):
@@ -731,7 +734,7 @@ def _words(direction: Array) -> str:
     return " against ".join(parts)
 
 
-def _axis(vector: Array) -> str:
+def _axis(vector: Floats) -> str:
     unit = vector / np.linalg.norm(vector)
     if np.abs(unit).max() > 0.98:
         return "xyz"[int(np.argmax(np.abs(unit)))]
@@ -739,7 +742,7 @@ def _axis(vector: Array) -> str:
     return "(" + ", ".join(f"{x:.2f}" for x in unit + 0.0) + ")"
 
 
-def _amount(direction: Array, error: float, size: float) -> str:
+def _amount(direction: Floats, error: float, size: float) -> str:
     if np.linalg.norm(direction[:3]) > 0.98:
         return f"{math.degrees(error / size):.2g} deg"
     return f"{1e3 * error:.2g} mm"
@@ -801,12 +804,12 @@ def with_and_without(
 # -- small pieces ------------------------------------------------------------------------------
 
 
-def _cross(vectors: Array) -> Array:
+def _cross(vectors: Floats) -> Floats:
     """Matrices (..., 3, 3) of cross products with vectors (..., 3)."""
     return np.cross(np.eye(3), vectors[..., None, :])
 
 
-def _left_jacobian(vector: Array) -> Array:
+def _left_jacobian(vector: Floats) -> Floats:
     """Left Jacobian (3, 3) of SO(3): derivative of a rotation by its rotation vector."""
     angle = float(np.linalg.norm(vector))
     cross = _cross(vector)
@@ -815,7 +818,7 @@ def _left_jacobian(vector: Array) -> Array:
     return np.asarray(np.eye(3) + once * cross + twice * cross @ cross)
 
 
-def _finite_points(name: str, value: ArrayLike) -> Array:
+def _finite_points(name: str, value: ArrayLike) -> Floats:
     found = vectors(name, value)
     if found.ndim != 2 or not len(found):
         raise InputError(f"{name} has shape {found.shape}, it must be (points, 3), in m")
@@ -826,7 +829,7 @@ def _finite_points(name: str, value: ArrayLike) -> Array:
     return found
 
 
-def _rotations(value: ArrayLike, count: int) -> Array:
+def _rotations(value: ArrayLike, count: int) -> Floats:
     found = read("rotations", value, "numbers")
     if found.shape != (count, 3, 3):
         raise InputError(f"rotations has shape {found.shape}, it must be {(count, 3, 3)}")
@@ -838,7 +841,7 @@ def _rotations(value: ArrayLike, count: int) -> Array:
     return found
 
 
-def _sigma(value: ArrayLike | None, count: int) -> tuple[Array | None, Array]:
+def _sigma(value: ArrayLike | None, count: int) -> tuple[Floats | None, Floats]:
     """Standard deviations (n,), or None if not given, and their weights (n,)."""
     if value is None:
         return None, np.ones(count)

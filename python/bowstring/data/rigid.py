@@ -6,15 +6,12 @@ import warnings
 from typing import Annotated, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.results import Key, Result
 from bowstring.validation import numbers, shown, vectors
-
-__all__ = ["SKEW", "Rigid", "align"]
-
-Array = NDArray[np.float64]
 
 SKEW: Final = 1e-3
 """Largest deviation of a rounded matrix from a rotation."""
@@ -52,8 +49,8 @@ class Rigid(Result):
                 "rotation has determinant -1, so one of the two frames is left-handed: swap two of "
                 "its axes or change the sign of one"
             )
-        self._rotation: Array = u @ v
-        self._translation: Array = numbers("translation", translation, (3,), "m")
+        self._rotation: Floats = u @ v
+        self._translation: Floats = numbers("translation", translation, (3,), "m")
         self._rotation.flags.writeable = self._translation.flags.writeable = False
 
     @classmethod
@@ -82,24 +79,24 @@ class Rigid(Result):
         return cls(whole[:3, :3], whole[:3, 3])
 
     @property
-    def rotation(self) -> Annotated[Array, Key()]:
+    def rotation(self) -> Annotated[Floats, Key()]:
         """Rotation matrix (3, 3) by rows."""
         return self._rotation
 
     @property
-    def translation(self) -> Annotated[Array, Key("translation_m")]:
+    def translation(self) -> Annotated[Floats, Key("translation_m")]:
         """Translation (3,), m."""
         return self._translation
 
     @property
-    def rotation_vector(self) -> Annotated[Array, Key("rotation_vector_rad")]:
+    def rotation_vector(self) -> Annotated[Floats, Key("rotation_vector_rad")]:
         """The rotation as a vector (3,), axis times angle, rad, the angle at most pi."""
         # a copy, because SciPy before 1.15.2 refuses read-only arrays
         from scipy.spatial.transform import Rotation
 
         return np.asarray(Rotation.from_matrix(self._rotation.copy()).as_rotvec())
 
-    def apply(self, points: ArrayLike) -> Array:
+    def apply(self, points: ArrayLike) -> Floats:
         """Move points (..., 3), m; NaN stays NaN."""
         rows = vectors("points", points)
         return np.asarray(rows @ self._rotation.T + self._translation)
@@ -136,7 +133,7 @@ class Rigid(Result):
         return f"<Rigid: turned by ({turn}) deg, moved by ({shift}) mm>"
 
 
-def align(points: Array, targets: Array, weight: Array | None = None) -> Rigid:
+def align(points: Floats, targets: Floats, weight: Floats | None = None) -> Rigid:
     """Fit the rigid motion of points (K, 3) to targets (K, 3).
 
     Weighted least squares without reflection (Kabsch, Acta Cryst. A32, 1976; Umeyama 1991). For
@@ -154,7 +151,7 @@ def align(points: Array, targets: Array, weight: Array | None = None) -> Rigid:
     return Rigid(matrix, target - matrix @ middle)
 
 
-def _restored(rotation: Array, translation: Array) -> Rigid:
+def _restored(rotation: Floats, translation: Floats) -> Rigid:
     """Restore a pickled motion exactly."""
     out = Rigid(rotation, translation)
     out._rotation = rotation.copy()

@@ -16,8 +16,6 @@ from bowstring.errors import InputError, library_errors
 from bowstring.optional import load_extra
 from bowstring.units import quote
 
-__all__ = ["in_words", "is_bag", "other_bag", "read_topic", "topics"]
-
 _MAGIC: Final = b"\x89MCAP"
 _OTHERS: Final = {b"#ROSBAG": "ROS 1", b"SQLite format 3\0": "SQLite (.db3)"}
 _MOST_BYTES: Final = 1_000_000_000  # of all chunks, unpacked

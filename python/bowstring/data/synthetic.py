@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 import bowstring._core as _core
+from bowstring.aliases import Floats, Ints
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, fill_table
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
@@ -56,8 +57,6 @@ __all__ = [
     "write",
 ]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 GravityFrame = Literal["base", "measuring"]
 Seed = int | np.random.Generator | None
 

@@ -19,38 +19,14 @@ from pathlib import Path
 from typing import IO, Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from bowstring.aliases import Bools, Floats
 from bowstring.data import matlab, motive, rosbag
 from bowstring.errors import InputError, library_errors
 from bowstring.files.atomic_io import readable
 from bowstring.optional import load_extra
 from bowstring.units import NUMBER, Text, quote, wrong
-
-__all__ = [
-    "COLUMN",
-    "MARKS",
-    "Form",
-    "Name",
-    "Row",
-    "Table",
-    "UnknownColumnsError",
-    "blocks_of",
-    "cell_number",
-    "default_separator",
-    "is_blank",
-    "is_comment",
-    "is_missing",
-    "is_name",
-    "is_text",
-    "joined_names",
-    "lines_of_table",
-    "not_measured",
-    "open_table",
-    "title_of",
-    "with_point",
-]
 
 MOST_ROWS: Final = 2_000_000
 MOST_SHEET_ROWS: Final = 200_000  # reading a spreadsheet takes ten times as long as text
@@ -126,7 +102,7 @@ _NOT_MEASURED_TEXT: Final = re.compile(r"-3[.,]69731[0-9]+[eE]\+?0?28")
 _MISSING: Final = ("", "nan", "null", "na", "n/a", "#n/a", "none")
 
 
-def not_measured(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+def not_measured(values: Floats) -> Bools:
     """Whether numbers are an instrument's value for what it did not measure."""
     return np.abs(values - _NOT_MEASURED) < 1e-6 * abs(_NOT_MEASURED)
 

@@ -16,8 +16,8 @@ from itertools import chain, combinations, islice, pairwise
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.data.channels import advice, likely_zero, spikes
 from bowstring.data.rigid import align
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.robot.model import Robot
 
-__all__ = ["Found", "TendonCheck", "check_tendons", "likely_zeros", "wound_by_tensions"]
-
-Floats = NDArray[np.float64]
 Found = Literal["as_stated", "turned", "swapped", "mirrored", "unclear", "unchecked"]
 
 _MOST_ROWS: Final = 400  # enough for a direction, and fast
@@ -296,7 +293,7 @@ def _order(motion: _Motion) -> TendonCheck:
     usual = within * min(_GAINS) <= gain <= within * max(_GAINS)
     gains = [] if usual else [gain * factor for factor in _NEAR]
 
-    def fit(order: NDArray[np.int64], mirror: bool = False) -> _Fit:
+    def fit(order: Ints, mirror: bool = False) -> _Fit:
         return _fit(motion, motion.bends(order), mirror, gains)
 
     def check(found: Found, sentence: str, pairs: Sequence[tuple[int, int]] = ()) -> TendonCheck:
@@ -621,7 +618,7 @@ def _doubted_size(motion: _Motion) -> str:
     )
 
 
-def _expected(motion: _Motion) -> tuple[Floats, NDArray[np.int64]]:
+def _expected(motion: _Motion) -> tuple[Floats, Ints]:
     """Expected tips, and the rows for which they are known."""
     from bowstring.statics import rod
     from bowstring.statics.load import Load
@@ -684,7 +681,7 @@ def _or(pairs: list[tuple[int, int]]) -> str:
     return " or ".join(listed([str(a), str(b)]) for a, b in pairs)
 
 
-def _swapped(count: int, pair: tuple[int, int]) -> NDArray[np.int64]:
+def _swapped(count: int, pair: tuple[int, int]) -> Ints:
     order = np.arange(count)
     order[[pair[0] - 1, pair[1] - 1]] = pair[1] - 1, pair[0] - 1
     return order
@@ -705,7 +702,7 @@ class _Motion:
     """Derivatives (2 S, T) of the segments' bends by these, rad per m or N."""
     measured: Floats
     """Tips or, if no point is measured, directions of the tip."""
-    rows: NDArray[np.int64]
+    rows: Ints
     """Indices of these rows in the measurements."""
     every: Floats
     """Tips or directions in all rows."""
@@ -767,7 +764,7 @@ class _Motion:
         """Reference size of a motion."""
         return self.robot.length if self.with_tip else 1.0
 
-    def bends(self, order: NDArray[np.int64] | None = None) -> Floats:
+    def bends(self, order: Ints | None = None) -> Floats:
         """Bend vectors of all segments (n, S, 2), rad, for an order of the tendons.
 
         Those by tension are relative; the largest is a quarter turn.

@@ -8,14 +8,11 @@ from functools import cached_property
 from typing import Annotated, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.results import Key, Result
 
-__all__ = ["Comparison", "ModelName", "known_max", "known_mean"]
-
-Array = NDArray[np.float64]
 ModelName = Literal[
     "cc_from_lengths",
     "cc_from_force",
@@ -45,13 +42,13 @@ class Comparison(Result):
     """Name of the reference, such as "statics" or "measurement"."""
     length: float
     """Length of the robot, m; errors in percent refer to it."""
-    tip_position: Array
+    tip_position: Floats
     """Tips by constant curvature (n, 3), m; NaN where there is none."""
-    difference: Array
+    difference: Floats
     """Tip by constant curvature minus reference tip (n, 3), m."""
 
     @cached_property
-    def error(self) -> Array:
+    def error(self) -> Floats:
         """Euclidean tip error (n,), m."""
         return np.asarray(np.linalg.norm(self.difference, axis=-1))
 
@@ -97,28 +94,28 @@ class Comparison(Result):
         return self.mean / self.length
 
     @property
-    def mean_by_axis(self) -> Annotated[Array, Key("mean_by_axis_mm")]:
+    def mean_by_axis(self) -> Annotated[Floats, Key("mean_by_axis_mm")]:
         """Mean absolute error along x, y and z (3,), m; NaN without a point."""
         return np.array([known_mean(along) for along in self._by_axis])
 
     @property
-    def max_by_axis(self) -> Array:
+    def max_by_axis(self) -> Floats:
         """Largest absolute error along x, y and z (3,), m; NaN without a point."""
         return np.array([known_max(along) for along in self._by_axis])
 
     @property
-    def _by_axis(self) -> Array:
+    def _by_axis(self) -> Floats:
         """Absolute errors (3, n) of points with both tips."""
         return np.asarray(np.abs(self.difference[np.isfinite(self.error)]).T)
 
 
-def known_mean(values: Array) -> float:
+def known_mean(values: Floats) -> float:
     """Mean of the finite values; NaN without any."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else math.nan
 
 
-def known_max(values: Array) -> float:
+def known_max(values: Floats) -> float:
     """Largest of the finite values; NaN without any."""
     known = values[np.isfinite(values)]
     return float(known.max()) if known.size else math.nan

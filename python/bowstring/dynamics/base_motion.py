@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.validation import numbers, read
@@ -16,10 +17,6 @@ from bowstring.validation import numbers, read
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import RotationSpline
-
-__all__ = ["BaseHistory", "BaseMotion"]
-
-Floats = NDArray[np.float64]
 
 _MISFIT: Final = 1e-5  # largest misfit of a cubic over the largest acceleration
 _LEAST_PART: Final = 1 / 64  # shortest interval over the time between two poses

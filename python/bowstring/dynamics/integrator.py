@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.statics.simulator import Scheme
 from bowstring.units import quote, read_number, read_share
 from bowstring.validation import number
-
-__all__ = ["DEFAULT_INTERVAL", "DEFAULT_SPECTRAL_RADIUS", "Integrator", "with_ratio"]
 
 DEFAULT_INTERVAL: Final = 0.01  # s
 DEFAULT_SPECTRAL_RADIUS: Final = 0.8
@@ -109,7 +107,7 @@ def _in_metres(tolerance: float | str, length: float) -> float:
     return found
 
 
-def with_ratio(scheme: Scheme, ratio: float, frequency_hz: NDArray[np.float64]) -> Scheme:
+def with_ratio(scheme: Scheme, ratio: float, frequency_hz: Floats) -> Scheme:
     """Return the scheme with mass and material damping for a damping ratio of two modes.
 
     The modes are the slowest and the first at least twice as fast, of these natural frequencies

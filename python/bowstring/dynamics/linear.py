@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.dynamics.modal import Oscillation, checked, oscillation
 from bowstring.errors import InputError
@@ -23,10 +24,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
     from bowstring.statics.actuation import Given
-
-__all__ = ["DiscreteModel", "LinearModel", "linearise"]
-
-Floats = NDArray[np.float64]
 
 
 class DiscreteModel(NamedTuple):

@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import validation
+from bowstring.aliases import Bools, Floats
 from bowstring.dynamics.base_motion import BaseHistory, BaseMotion
 from bowstring.errors import InputError
 from bowstring.formatting import plain
@@ -30,24 +31,6 @@ from bowstring.statics.load_tables import (
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-
-__all__ = [
-    "CLOSEST",
-    "Actuation",
-    "Loads",
-    "OverTime",
-    "Table",
-    "disk_row",
-    "of_base",
-    "on_disks",
-    "on_points",
-    "over_time",
-    "ramp",
-    "step",
-]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _LOOK: Final = 0.1  # s of work between two checks for interrupts
 _WORK: Final = 3e-6  # s of work per step and module, estimated for the first chunk
@@ -547,7 +530,7 @@ class Loads(NamedTuple):
             first = last
 
     def _sampled(
-        self, simulator: Any, ends: Floats, record: NDArray[np.bool_], longest: float
+        self, simulator: Any, ends: Floats, record: Bools, longest: float
     ) -> Iterator[Stretches]:
         # one step at a time, because the function is called before each
         now = 0.0
@@ -562,7 +545,7 @@ class Loads(NamedTuple):
                 now = then
 
 
-Stretches = tuple[Floats, InstantLoad, NDArray[np.bool_]]
+Stretches = tuple[Floats, InstantLoad, Bools]
 """Durations, loads at their ends (rows of each), and whether each end is recorded."""
 
 

@@ -18,8 +18,6 @@ from bowstring.files.atomic_io import readable
 from bowstring.robot.model import Robot
 from bowstring.units import quote, read_number
 
-__all__ = ["read_actuation", "read_base_motion"]
-
 _Rows = Iterator[tuple[str, list[str]]]
 
 _LARGEST: Final = 100_000_000  # bytes

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring import validation
 from bowstring._core import check_memory, flexibility, flexibility_at
+from bowstring.aliases import Bools, Floats
 from bowstring.display import html_table, sampled_rows, short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.pose import Pose
@@ -34,10 +34,6 @@ if TYPE_CHECKING:
     from bowstring._core import Flexibility, RodModel
     from bowstring.robot.model import Robot
     from bowstring.statics.fields import Labelled
-
-__all__ = ["Modes", "modes"]
-
-Floats = NDArray[np.float64]
 
 _NEUTRAL: Final = 1e8  # squared frequency ratio of bending to a mode that counts as neutral
 _ROUNDING: Final = 1e-12
@@ -183,7 +179,7 @@ def checked(
     model: RodModel,
     history: Mapping[str, Any] | None,
     count: int,
-) -> tuple[tuple[NDArray[np.bool_], Floats], Load, actuation.Path | None]:
+) -> tuple[tuple[Bools, Floats], Load, actuation.Path | None]:
     """Commands, dead loads and path of an equilibrium to oscillate about."""
     check_robot(robot)
     check_without_laws(robot, ", which dynamics does not model", but=("friction", *OF_COMMANDS))
@@ -222,7 +218,7 @@ def checked(
 
 def about(
     robot: Robot,
-    commands: tuple[NDArray[np.bool_], Floats],
+    commands: tuple[Bools, Floats],
     load: Load,
     model: RodModel,
     path: actuation.Path | None,
@@ -278,7 +274,7 @@ class Oscillation:
 
 def oscillation(
     robot: Robot,
-    commands: tuple[NDArray[np.bool_], Floats],
+    commands: tuple[Bools, Floats],
     load: Load,
     model: RodModel,
     path: actuation.Path | None,

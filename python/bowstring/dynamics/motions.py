@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import bowstring._core as _core
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.dynamics.integrator import Integrator, with_ratio
 from bowstring.dynamics.modal import modes
 from bowstring.errors import InputError
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["DEFAULT_PERIOD", "Motions", "MotionsState"]
-
-Floats = NDArray[np.float64]
 Status = Literal["not_started", "moving", "no_equilibrium", "step_failed", "collision"]
 
 DEFAULT_PERIOD: Final = 0.02  # s
@@ -63,7 +61,7 @@ class MotionsState(NamedTuple):
     """Elastic energies (N,), J."""
     gravity_energy: Floats
     """Energies of gravity (N,), J; zero with all mass at the base."""
-    moving: NDArray[np.bool_]
+    moving: Bools
     """Whether each motion goes on (N,)."""
     status: NDArray[np.object_]
     """Status of each motion (N,): ``"moving"``; ``"step_failed"`` (even the shortest step did not
@@ -303,7 +301,7 @@ class Motions:
         self._tensions[moving] = rows[moving]
         return self.state
 
-    def _which(self, which: ArrayLike | None) -> NDArray[np.int64]:
+    def _which(self, which: ArrayLike | None) -> Ints:
         if which is None:
             return np.arange(self.count)
         found = read("which", which, "indices of motions")

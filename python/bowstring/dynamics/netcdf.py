@@ -19,8 +19,6 @@ from typing import Any, BinaryIO, Final, NamedTuple, TypeVar
 
 from bowstring.errors import InputError
 
-__all__ = ["CLASSIC", "HDF5", "check"]
-
 CLASSIC: Final = b"CDF"
 HDF5: Final = b"\x89HDF\r\n\x1a\n"
 

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.dynamics import netcdf
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import (
@@ -41,7 +42,7 @@ from bowstring.files.atomic_io import (
 )
 from bowstring.robot.model import Robot
 from bowstring.statics import fields
-from bowstring.statics.fields import FIELDS, Field, Floats, Ints
+from bowstring.statics.fields import FIELDS, Field
 
 if TYPE_CHECKING:
     import xarray as xr

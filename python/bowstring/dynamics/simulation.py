@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import interrupts, validation
 from bowstring._core import check_memory
+from bowstring.aliases import Bools, Floats
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.dynamics.integrator import DEFAULT_INTERVAL, Integrator, with_ratio
 from bowstring.dynamics.load_history import (
@@ -59,9 +60,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["NoStart", "Output", "Run", "RunInterrupted", "Start", "simulate"]
-
-Floats = NDArray[np.float64]
 Status = Literal["converged", "step_failed", "collision", "interrupted", "failed"]
 
 DEFAULT_POINTS: Final = 5
@@ -743,7 +741,7 @@ def _initial(robot: Robot, actuated: Actuation, otherwise: Floats, given: Load) 
     return values
 
 
-def _by_kind(by_displacement: NDArray[np.bool_], row: Floats) -> dict[str, list[float | None]]:
+def _by_kind(by_displacement: Bools, row: Floats) -> dict[str, list[float | None]]:
     """Initial actuation by kind for a file; None where a tendon has the other kind."""
     kinds = {"initial_tensions_N": ~by_displacement, "initial_displacements_m": by_displacement}
     return {

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bowstring.aliases import Floats
 from bowstring.statics import messages
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import FOLLOWER, MOMENT, WRENCH, InstantLoad
@@ -14,8 +12,6 @@ from bowstring.statics.load_tables import FOLLOWER, MOMENT, WRENCH, InstantLoad
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-
-__all__ = ["Judged", "judged_start"]
 
 _HALVINGS: Final = 10  # bisections of the share of the load at which stability is lost
 
@@ -107,7 +103,7 @@ def _onset(robot: Robot, initial: InstantLoad, load: Load, model: RodModel) -> s
 def _scaled(load: Load, share: float) -> Load:
     """Scale dead moments and followers, and keep the other loads."""
 
-    def part(value: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    def part(value: Floats | None) -> Floats | None:
         return None if value is None else share * value
 
     points = load.point_loads

@@ -15,8 +15,6 @@ from typing import Final, Literal, NamedTuple
 from bowstring.errors import InputError
 from bowstring.fem.output import reason
 
-__all__ = ["End", "find", "run", "version"]
-
 Status = Literal["converged", "diverged", "killed", "out_of_memory", "no_space", "failed"]
 
 _LOOK: Final = 0.1  # s between two checks of the files

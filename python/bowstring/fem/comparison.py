@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.dynamics import simulation
 from bowstring.dynamics.integrator import Integrator
 from bowstring.dynamics.load_history import ramp
@@ -16,11 +16,6 @@ from bowstring.fem.run import BrickRun
 from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
-
-__all__ = ["RodComparison", "compare_with_rod"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _NOTHING: Final = 1e-4  # stress over the largest of a run that counts as zero
 

@@ -8,23 +8,19 @@ with an observed order p, otherwise the last change as a whole.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from bowstring.aliases import Floats, Progress
 from bowstring.errors import InputError
 from bowstring.fem.run import BrickRun, Motion, Settings, ramp, sweep
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
-
-__all__ = ["Convergence", "Refinement", "extrapolated", "study"]
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _STEEPEST: Final = 6.0  # largest plausible order
 _FLATTEST: Final = 0.5

@@ -21,17 +21,12 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Ints
 from bowstring.fem.mass import disk_points, payload_centres
 from bowstring.fem.mesh import BrickMesh
 from bowstring.robot.model import Robot
 from bowstring.robot.rest_shape import rest_frames
-
-__all__ = ["MM", "Loading", "Spans", "Step", "model", "resume", "spans", "steps"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 MM: Final = 1e3
 """Millimetres in a metre."""

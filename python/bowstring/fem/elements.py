@@ -10,11 +10,8 @@ from itertools import product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["GAUSS", "MASS_POINTS", "MASS_WEIGHTS", "POINTS", "brick_shape", "quad_shape"]
-
-Floats = NDArray[np.float64]
+from bowstring.aliases import Floats
 
 GAUSS: Final = 1.0 / math.sqrt(3.0)
 """Coordinate of the integration points of C3D20R, 2 in each direction."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.fem.deck import spans
 from bowstring.fem.elements import GAUSS, POINTS, brick_shape
 from bowstring.fem.mass import gravity_energy, kinetic_energy
@@ -22,21 +22,6 @@ from bowstring.fem.mesh import BrickMesh
 from bowstring.robot.model import Robot
 from bowstring.statics.actuation import compliances
 from bowstring.statics.fields import Frames
-
-__all__ = [
-    "VOIGT",
-    "SectionStress",
-    "State",
-    "at_nodes",
-    "frames",
-    "section_stress",
-    "span_tension",
-    "strain_in_base",
-    "without_times",
-]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _OVER_TIME: Final = set(Frames.__dataclass_fields__) - {"time", "station", "module"}
 VOIGT: Final = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])

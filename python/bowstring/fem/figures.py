@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.fem.comparison import RodComparison
 from bowstring.fem.fields import VOIGT
 from bowstring.fem.run import BrickRun
@@ -21,11 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import TriMesh
     from matplotlib.figure import Figure
-
-__all__ = ["draw", "field", "stress_along"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # Halves of the side faces of a brick: the middle of an edge lies outside the line between corners.
 _SIDES: Final = ((0, 8), (8, 1), (1, 9), (9, 2), (2, 10), (10, 3), (3, 11), (11, 0))

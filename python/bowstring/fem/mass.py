@@ -6,16 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.fem.elements import MASS_POINTS, MASS_WEIGHTS, brick_shape
 from bowstring.fem.mesh import BrickMesh
 from bowstring.robot.model import Robot
 from bowstring.robot.rest_shape import rest_frames
-
-__all__ = ["CentreOfMass", "disk_points", "gravity_energy", "kinetic_energy", "payload_centres"]
-
-Floats = NDArray[np.float64]
 
 
 class CentreOfMass(NamedTuple):
@@ -27,7 +23,7 @@ class CentreOfMass(NamedTuple):
 
     mass: float
     """Mass in kg."""
-    nodes: NDArray[np.int64]
+    nodes: Ints
     weight: Floats
     """Weights of the nodes; their sum is 1."""
 
@@ -84,7 +80,7 @@ def gravity_energy(
     return -float(moment @ np.asarray(gravity, dtype=float))
 
 
-def _backbone(robot: Robot, mesh: BrickMesh) -> tuple[NDArray[np.int64], Floats]:
+def _backbone(robot: Robot, mesh: BrickMesh) -> tuple[Ints, Floats]:
     """Nodes (b, 20) of the backbone's bricks, and mass (b, 27) of their points in kg."""
     here = ~mesh.arm
     _, slope = brick_shape(MASS_POINTS)

@@ -21,19 +21,14 @@ from functools import lru_cache, partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.errors import InputError
 from bowstring.fem.elements import MASS_POINTS, POINTS, brick_shape, quad_shape
 from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import Robot, check_disks, check_round, check_without_laws
 from bowstring.robot.rest_shape import check_rest_bend, rest_frames
 from bowstring.validation import is_whole, shown
-
-__all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_meshable"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _CORE: Final = 0.55  # half diagonal of the square core over radius, before rounding
 _ROUND: Final = 0.5  # shape of the core from square (0) to circle (1)
@@ -120,8 +115,8 @@ class BrickMesh:
     straight: Floats
     bricks: Ints
     part: Ints
-    stiff: NDArray[np.bool_]
-    arm: NDArray[np.bool_]
+    stiff: Bools
+    arm: Bools
     slices: Ints
     slice_z: Floats
     slice_module: Ints

@@ -10,11 +10,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Increment", "Table", "read_dat", "read_increments", "reason"]
-
-Floats = NDArray[np.float64]
+from bowstring.aliases import Floats
 
 _HEAD: Final = re.compile(rb"^ ([a-z ]+) \(.*?\) for set (\S+) and time +(\S+)\s*$", re.MULTILINE)
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from bowstring.aliases import Progress
 from bowstring.fem.comparison import RodComparison
 from bowstring.fem.figures import draw
 from bowstring.fem.run import BrickRun
@@ -15,10 +16,6 @@ from bowstring.fem.vtk import write_vtk
 from bowstring.files.atomic_io import write_whole
 from bowstring.files.result_folder import check_folder, write_listing
 from bowstring.viz.style import figure_style, save_figure, save_figures
-
-__all__ = ["rows", "write"]
-
-Progress = Callable[[str, float], None]
 
 
 def write(

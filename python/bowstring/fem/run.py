@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import validation
+from bowstring.aliases import Floats, Progress
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fem import ccx, deck
 from bowstring.fem.fields import (
@@ -43,24 +43,8 @@ if TYPE_CHECKING:
 
     from bowstring.statics.fields import Frames
 
-__all__ = [
-    "DEFAULT_DT",
-    "BrickRun",
-    "FeStatus",
-    "RunInterrupted",
-    "Settings",
-    "cache_folder",
-    "check",
-    "check_keep",
-    "ramp",
-    "sweep",
-]
-
 #: Status of finite elements.
 FeStatus = Literal["converged", "diverged", "killed", "out_of_memory", "no_space", "failed"]
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _FORMAT: Final = 3  # version of the cache; a change invalidates old results
 _TURN: Final = 0.12  # rad of tip rotation per static increment, by the linear law
@@ -101,8 +85,7 @@ class Settings:
         self.fineness.check()
         validation.number("stiffness", self.stiffness)
         validation.number("residual", self.residual)
-        if self.grip not in ("bonded", "sliding"):
-            raise InputError(f'grip is {self.grip!r}, it must be "bonded" or "sliding"')
+        validation.choice("grip", self.grip, ("bonded", "sliding"))
         if not 10.0 <= self.stiffness <= 1e6:
             raise InputError(
                 f"disks are {self.stiffness:g} times as stiff as the backbone; must be from 10 to "

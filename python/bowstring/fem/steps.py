@@ -14,27 +14,21 @@ import time
 import zipfile
 import zlib
 from bisect import bisect_left
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring import interrupts
+from bowstring.aliases import Floats, Progress
 from bowstring.errors import InputError
 from bowstring.fem import ccx, deck, output
 from bowstring.fem.fields import State
 from bowstring.fem.mesh import BrickMesh
 from bowstring.files.atomic_io import check_place, folder_beside, write_whole_file
 from bowstring.robot.model import Robot
-
-__all__ = ["Ended", "Job", "work"]
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _JOB: Final = "robot"
 _PA: Final = 1e6  # Pa per MPa

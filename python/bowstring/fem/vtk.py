@@ -5,28 +5,22 @@ The series has the form of `bowstring.viz.vtk`, with the same names and units of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Progress
 from bowstring.errors import InputError
 from bowstring.fem.run import BrickRun
 from bowstring.viz.vtk import Part, Tendons, check_folder, write_series
-
-__all__ = ["write_vtk"]
-
-Floats = NDArray[np.float64]
 
 _BRICK: Final = 25  # quadratic, 20 nodes
 _ORDER: Final = (0, 1, 2, 3, 5, 4)  # symmetric tensor in VTK: xx, yy, zz, xy, yz, xz
 
 
-def write_vtk(
-    run: BrickRun, out: str | Path, *, progress: Callable[[str, float], None] | None = None
-) -> Path:
+def write_vtk(run: BrickRun, out: str | Path, *, progress: Progress | None = None) -> Path:
     """Write all steps of a run, whole or not at all.
 
     Parameters
@@ -60,7 +54,7 @@ def write_vtk(
 class _Bricks(Part):
     name = "disks"
 
-    def __init__(self, run: BrickRun, which: NDArray[np.bool_]) -> None:
+    def __init__(self, run: BrickRun, which: Bools) -> None:
         self._run = run
         bricks = run.mesh.bricks[which]
         self._nodes, cells = np.unique(bricks, return_inverse=True)

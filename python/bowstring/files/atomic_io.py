@@ -23,28 +23,6 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = [
-    "check_file",
-    "check_parent",
-    "check_place",
-    "check_replaceable",
-    "check_room",
-    "check_whole_folder",
-    "check_writable",
-    "file_stem",
-    "folder_beside",
-    "has_mark",
-    "is_full",
-    "not_overwritten",
-    "readable",
-    "remove_leftovers",
-    "resolved",
-    "user_cache",
-    "write_whole",
-    "write_whole_file",
-]
-
-
 _LETTERS: Final = 50  # letters of a name that begin the name of its hidden folder
 _HIDDEN: Final = re.compile(r"\..*-[0-9a-f]{12}\.bowstring", re.DOTALL)
 _STEM: Final = 100  # bytes of a stem; file systems take 255, with what follows it

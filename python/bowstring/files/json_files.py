@@ -13,8 +13,6 @@ from typing_extensions import TypedDict
 
 from bowstring.files.atomic_io import readable
 
-__all__ = ["Content", "Row", "Table", "Triple", "parsed", "read_json", "structured"]
-
 _LONGEST: Final = 100  # characters of a place in a message
 
 

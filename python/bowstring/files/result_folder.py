@@ -17,8 +17,6 @@ from bowstring.errors import InputError
 from bowstring.files.atomic_io import check_whole_folder
 from bowstring.files.json_files import Content, read_json, structured
 
-__all__ = ["check_folder", "write_json", "write_listing"]
-
 _MOST_FILES: Final = 1_000_000
 _MOST_BYTES: Final = 1_000_000_000
 _CALLED: Final = {"fe": "finite elements"}  # name in messages, if not its own

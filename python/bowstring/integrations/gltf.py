@@ -8,7 +8,7 @@ straight backbone, to the axes of glTF, where y is up.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring._core import __version__
+from bowstring.aliases import Floats, Ints, Progress
 from bowstring.files.atomic_io import check_file, write_whole_file
 from bowstring.robot.model import Robot, check_round
 from bowstring.robot.sizes import part_names
@@ -30,9 +31,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["check_glb", "check_solid", "write_glb"]
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _MARK: Final = b'"generator":"Bowstring'
 _AROUND: Final = 20
@@ -109,8 +107,8 @@ class _Surface:
 
     points: Floats
     normals: Floats
-    joints: NDArray[np.int64]
-    triangles: NDArray[np.int64]
+    joints: Ints
+    triangles: Ints
 
 
 class _Content:
@@ -271,7 +269,7 @@ class _Content:
         return {"name": "motion", "channels": channels, "samplers": samplers}
 
 
-def _closed(rings: Floats, joints: NDArray[np.int64]) -> _Surface:
+def _closed(rings: Floats, joints: Ints) -> _Surface:
     """Closed surface through rings (n, a, 3), each about the z axis of its joint (n,)."""
     normals = np.broadcast_to(circle(rings.shape[1]), rings.shape)
     parts = [_cap(rings[end], side, joints[end]) for end, side in ((0, -1), (-1, 1))]
@@ -280,7 +278,7 @@ def _closed(rings: Floats, joints: NDArray[np.int64]) -> _Surface:
     return _joined(parts)
 
 
-def _tube(rings: Floats, normals: Floats, joints: NDArray[np.int64]) -> _Surface:
+def _tube(rings: Floats, normals: Floats, joints: Ints) -> _Surface:
     """Surface through rings (n, a, 3), each on its joint (n,)."""
     count, around = rings.shape[:2]
     j = np.arange(around)

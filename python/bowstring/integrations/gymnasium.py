@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.dynamics.integrator import Integrator
 from bowstring.dynamics.motions import DEFAULT_PERIOD, Motions, MotionsState
 from bowstring.errors import InputError
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
 
 __all__ = ["REACH", "ReachEnv", "ReachVectorEnv"]
 
-Floats = NDArray[np.float64]
 Observations = NDArray[Any]
 
 #: Id of the environment in the registry of Gymnasium.
@@ -102,7 +102,7 @@ class _Task:
         kind: Any = self.dtype.type
         return spaces.Box(np.array(low, kind), np.array(high, kind), dtype=kind)
 
-    def reset(self, which: NDArray[np.int64], randoms: Sequence[np.random.Generator]) -> None:
+    def reset(self, which: Ints, randoms: Sequence[np.random.Generator]) -> None:
         """Draw start and target of some environments, each from its own generator."""
         left = which
         for _ in range(_REDRAWS):
@@ -468,7 +468,7 @@ class ReachVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]], EzPick
 
     def step(
         self, actions: Observations
-    ) -> tuple[Observations, Floats, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    ) -> tuple[Observations, Floats, Bools, Bools, dict[str, Any]]:
         """Advance all environments by a control period; reset those that have ended.
 
         Parameters

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.aliases import Floats
 from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.robot_arcs import RobotArcs
 from bowstring.dynamics.simulation import Run
@@ -33,7 +34,7 @@ from bowstring.statics.actuation import commanded
 from bowstring.statics.load import Load
 from bowstring.statics.rod import solve
 from bowstring.statics.solution import Solution
-from bowstring.validation import row, share_of_length
+from bowstring.validation import row, share_of_length, whole
 from bowstring.viz.style import LIGHT
 from bowstring.viz.vtk import check_data, check_stations
 
@@ -43,8 +44,6 @@ if TYPE_CHECKING:
     _Subject: TypeAlias = Robot | Solution | Run | xr.Dataset
 
 __all__ = ["LiveRobot", "LiveView", "view"]
-
-Floats = NDArray[np.float64]
 
 _AROUND: Final = 16
 _POINTS: Final = 6  # points of a module
@@ -147,8 +146,7 @@ def _points(measured: ArrayLike) -> Floats:
 
 def _check_port(host: str, port: int) -> None:
     """Refuse a port that cannot be served, instead of taking another one."""
-    if not (isinstance(port, int) and 1 <= port <= 65535):
-        raise InputError(f"port is {port!r}, it must be a whole number from 1 to 65535")
+    whole("port", port, 1, 65535)
     with socket.socket() as trial:
         trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

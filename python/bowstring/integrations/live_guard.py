@@ -17,8 +17,6 @@ from http import HTTPStatus
 from typing import Any, Final
 from urllib.parse import urlsplit
 
-__all__ = ["only_with", "refusal"]
-
 _ONE: Final = threading.Lock()
 # the user need not know of refused and broken connections
 _SILENT: Final = logging.Logger("bowstring.view", logging.CRITICAL + 1)

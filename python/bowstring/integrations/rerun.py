@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from bowstring.aliases import Progress
 from bowstring.files.atomic_io import check_file, write_whole_file
 from bowstring.optional import load_extra
 from bowstring.robot.model import Robot
@@ -35,7 +35,7 @@ def write_rerun(
     data: xr.Dataset,
     path: str | Path,
     *,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Write a run as a recording for Rerun, whole or not at all; needs the extra ``rerun``.
 
@@ -80,9 +80,7 @@ def write_rerun(
     return file
 
 
-def _record(
-    rerun: Any, robot: Robot, data: xr.Dataset, file: Path, notify: Callable[[str, float], None]
-) -> None:
+def _record(rerun: Any, robot: Robot, data: xr.Dataset, file: Path, notify: Progress) -> None:
     recording = rerun.RecordingStream("bowstring", send_properties=True)
     recording.save(file)
     recording.send_recording_name(f"{robot.name}, simulated")

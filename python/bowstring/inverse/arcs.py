@@ -5,18 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.constant_curvature import RobotArcs
 from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.series import series_jacobian
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-
-__all__ = ["arcs_to", "tensions_of"]
-
-Floats = NDArray[np.float64]
 
 _ITERATIONS: Final = 200
 _REDUCTIONS: Final = 100  # iterations that make the bends smaller

@@ -15,8 +15,6 @@ from bowstring.statics.actuation import compliances
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["FORMAT", "FORMAT_VERSION", "compile_robot"]
-
 FORMAT: Final = "bowstring compiled robot"
 FORMAT_VERSION: Final = 1
 

@@ -10,8 +10,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.inverse.targets import across, write_row
 from bowstring.statics import actuation
@@ -25,10 +25,6 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.statics.load import Load
     from bowstring.statics.solution import Solution
-
-__all__ = ["BEYOND_DISPLACEMENT", "keep_displacements"]
-
-Floats = NDArray[np.float64]
 
 #: Value of `InverseSolution.binding` where a limit of displacement binds.
 BEYOND_DISPLACEMENT: Final = 2

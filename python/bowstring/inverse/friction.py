@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring._core import RodModel
 from bowstring._core import inverse_kinematics as _inverse_kinematics
+from bowstring.aliases import Floats
 from bowstring.inverse.targets import Targets, across, write_row
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
@@ -19,10 +20,6 @@ from bowstring.statics.load_tables import row_of
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-
-__all__ = ["follow_with_friction"]
-
-Floats = NDArray[np.float64]
 
 _MOST_STEPS: Final = 40
 _RADIUS: Final = 0.3  # first and largest change of a tension in a step, over its scale

@@ -6,11 +6,12 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import validation
 from bowstring._core import RodModel
 from bowstring._core import inverse_kinematics as _inverse_kinematics
+from bowstring.aliases import Floats
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.inverse.arcs import arcs_to, tensions_of
@@ -28,10 +29,6 @@ from bowstring.validation import shown
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-
-__all__ = ["default_max_tension", "inverse_kinematics"]
-
-Floats = NDArray[np.float64]
 
 _REACHED: Final = 1e-6  # distance over length of a reached tip
 _BEYOND: Final = 1.001  # distance from the base over length beyond which no tip can be

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.constant_curvature import RobotArcs
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["InverseRow", "InverseSolution", "InverseStatus"]
-
-Floats = NDArray[np.float64]
 InverseStatus = Literal["reached", "unreachable", "max_iterations", "no_equilibrium"]
 
 
@@ -420,7 +418,7 @@ class InverseSolution:
         )
 
 
-def _without(landed: Sweep, failed: NDArray[np.bool_]) -> Sweep:
+def _without(landed: Sweep, failed: Bools) -> Sweep:
     """Equilibria less those of rows that have no commands."""
     changed: dict[str, Any] = {
         "status": [

@@ -9,17 +9,13 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring._core import __version__
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import check_file, readable, write_whole_file
 from bowstring.inverse.solution import InverseSolution
 from bowstring.units import quote
-
-__all__ = ["Landing", "Tips", "check_commands", "read_tips", "write_commands", "write_rows"]
-
-Floats = NDArray[np.float64]
 
 _MARK: Final = b"# commands by Bowstring"
 _MOST_BYTES: Final = 200_000_000

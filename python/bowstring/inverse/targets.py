@@ -5,14 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from bowstring.aliases import Floats
 
 if TYPE_CHECKING:
     from bowstring._core import Solution
-
-__all__ = ["Targets", "across", "angle_between", "write_row"]
-
-Floats = NDArray[np.float64]
 
 
 class Targets(NamedTuple):

@@ -23,8 +23,6 @@ from bowstring.files.atomic_io import (
 from bowstring.jobs.job import Arrays, Job
 from bowstring.optional import load_extra
 
-__all__ = ["check_data_set", "save"]
-
 _MARK: Final = b"bowstring_version"
 _WHAT: Final = "data set"
 

@@ -24,8 +24,6 @@ from bowstring.errors import InputError
 from bowstring.formatting import listed, significant
 from bowstring.validation import choice, shown, whole
 
-__all__ = ["Coordinate", "Job", "Variable"]
-
 _MOST_POINTS: Final = 10**9
 _MOST_BLOCKS: Final = 100_000  # files in a folder
 LARGEST_BLOCK: Final = 50_000_000  # bytes: a worker holds several blocks, and should need 1 GB

@@ -16,8 +16,6 @@ from bowstring.jobs.store import Store
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["RunInterrupted", "run"]
-
 
 class RunInterrupted(KeyboardInterrupt):
     """Ctrl-C during `run`; `store` holds the blocks that were finished."""

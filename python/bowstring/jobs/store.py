@@ -34,8 +34,6 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["Store", "Unfinished"]
-
 _JOB: Final = "job.json"
 _MOST_JOB: Final = 10_000_000  # bytes beside those of this job; coordinates are in it
 _INDENTED: Final = 5  # times the text without spaces, at most

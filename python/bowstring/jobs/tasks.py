@@ -25,8 +25,6 @@ from bowstring.validation import shown
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-__all__ = ["Failure", "compute", "connected", "failed", "threads"]
-
 _AHEAD: Final = 2  # blocks in flight per thread of the cluster
 _LARGEST_JOB: Final = 10_000_000  # bytes, sent with each block
 _CONNECT: Final = 10.0  # s to wait for the scheduler

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.consistency import bores, problems
@@ -26,11 +27,6 @@ from bowstring.robot.stiffness import (
     without_couplings,
 )
 from bowstring.units import Quantity, Text
-
-__all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen", "principal_bending"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @short_repr
@@ -128,7 +124,7 @@ class RobotTendons:
     """Tensions (T,) in the home pose, where the tendon displacements are zero, N."""
     spool_radius_m: Floats
     diameter_m: Floats
-    pushes: NDArray[np.bool_]
+    pushes: Bools
     """Whether each tendon (T,) is a rod or a chamber, which pushes too."""
     area_m2: Floats
     """Areas (T,) on which the pressure of chambers acts, NaN where unknown, m^2."""

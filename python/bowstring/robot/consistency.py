@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.robot.disk import distinct_holes, outside_bore, room_for_holes, stacked
 from bowstring.robot.parts import (
     MAX_DISKS,
@@ -19,10 +19,6 @@ from bowstring.robot.parts import (
     tendon_field,
 )
 from bowstring.units import number_with_unit
-
-__all__ = ["bores", "problems"]
-
-Floats = NDArray[np.float64]
 
 
 def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
@@ -235,7 +231,7 @@ def _winding_problem(parts: tuple[Segment, ...], k: int) -> str:
     return ""
 
 
-def _crossings(s: Segment, hole: Floats, fraction: Floats) -> NDArray[np.bool_]:
+def _crossings(s: Segment, hole: Floats, fraction: Floats) -> Bools:
     """Which spans between holes (n, 2) on the outside of a backbone pass through it."""
     along = np.diff(hole, axis=0)
     square = np.maximum((along**2).sum(axis=1), 1e-300)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel
 
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
@@ -22,8 +23,6 @@ from bowstring.robot.stiffness import entry_of, mirrored
 from bowstring.validation import floats
 
 __all__ = ["Designs"]
-
-Floats = NDArray[np.float64]
 
 _SHAPING: Final = ("count", "positions")  # fields that change the number of disks or tendons
 

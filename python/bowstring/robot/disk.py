@@ -7,18 +7,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = [
-    "DiskMass",
-    "distinct_holes",
-    "drilled_disk",
-    "outside_bore",
-    "room_for_holes",
-    "stacked",
-]
-
-Floats = NDArray[np.float64]
+from bowstring.aliases import Floats
 
 _SAME_HOLE = 1e-9  # distance of equal holes as a share of the distance from the axis
 

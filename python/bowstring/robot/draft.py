@@ -11,8 +11,6 @@ from typing import Any, Final, NamedTuple
 
 from bowstring.units import number_with_unit, printable, rounded
 
-__all__ = ["Draft", "Field", "plain_text", "quantity", "tendon", "vector"]
-
 _COLUMN: Final = 34  # of the comments
 _DIGITS: Final = 12
 

@@ -8,8 +8,6 @@ from typing import Any
 from bowstring.robot.model import Robot
 from bowstring.units import Quantity
 
-__all__ = ["number_fields", "numbers_in", "quantity_of"]
-
 
 def numbers_in(tree: Any, path: str = "") -> Iterator[tuple[str, float]]:
     """Yield every number of a robot file with its path.

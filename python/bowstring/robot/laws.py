@@ -7,8 +7,6 @@ from typing import Final, Literal
 
 from bowstring.formatting import listed
 
-__all__ = ["LAWS", "MEMORIES", "OF_COMMANDS", "OF_DISPLACEMENTS", "OF_MOTION", "Law"]
-
 
 @dataclass(frozen=True)
 class Law:

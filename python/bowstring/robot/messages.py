@@ -21,8 +21,6 @@ from bowstring.robot.parts import (
 )
 from bowstring.units import Quantity, has_no_unit, quote
 
-__all__ = ["SYNONYMS", "build", "build_changed", "paths_of_field", "units_of_field"]
-
 Model = TypeVar("Model", bound=BaseModel)
 
 SYNONYMS: Final = {

@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.display import html_table
 from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
@@ -25,8 +25,6 @@ from bowstring.robot.picture import picture
 from bowstring.robot.plausibility import implausible
 from bowstring.units import number_with_unit
 from bowstring.validation import shown
-
-__all__ = ["Robot", "check_robot", "with_tendons"]
 
 
 class Robot(RobotArrays):
@@ -253,7 +251,7 @@ def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool
     return with_fields(robot, "tendons", values, missing=missing)
 
 
-def with_drives(robot: Robot, **values: NDArray[np.float64]) -> Robot:
+def with_drives(robot: Robot, **values: Floats) -> Robot:
     """Set fields of the drives, such as `gain`, for each tendon (T,), in SI.
 
     A ring whose drives differ becomes a list. The robot itself where nothing changes.

@@ -14,8 +14,6 @@ from bowstring.robot.stiffness import mirrored
 from bowstring.units import NUMBER, quote
 from bowstring.validation import shown
 
-__all__ = ["check_mapping", "expand", "expand_all", "fill", "override"]
-
 # Setting one of a pair removes the other, so that an override works for either form of the file.
 _EITHER: Final = {
     **{"G": "nu", "nu": "G", "count": "positions", "positions": "count"},

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Annotated, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import (
     BaseModel,
     ConfigDict,
@@ -21,28 +21,12 @@ from pydantic import (
     model_validator,
 )
 
+from bowstring.aliases import Bools, Floats
 from bowstring.errors import InputError
 from bowstring.robot.disk import stacked
 from bowstring.robot.laws import LAWS
 from bowstring.robot.stiffness import StiffnessMatrix
 from bowstring.units import Choice, Count, Quantity, Share, Text, wrong
-
-__all__ = [
-    "MAX_DISKS",
-    "MAX_HOLES",
-    "MAX_SEGMENTS",
-    "MAX_TENDONS",
-    "TENDON_MATERIALS",
-    "Backbone",
-    "Disks",
-    "Part",
-    "Payload",
-    "Segment",
-    "Tendon",
-    "TendonProperties",
-    "TendonRing",
-    "tendon_field",
-]
 
 MAX_SEGMENTS: Final = 100
 MAX_DISKS: Final = 100_000
@@ -369,7 +353,7 @@ class Backbone(Part):
             return self.diameter
         return np.maximum(self.diameter, self.end_diameter)[()]
 
-    def encloses(self, places: ArrayLike, fraction: ArrayLike) -> NDArray[np.bool_]:
+    def encloses(self, places: ArrayLike, fraction: ArrayLike) -> Bools:
         """Whether points lie within or on the outline of the sections, in material or bore.
 
         Parameters
@@ -395,7 +379,7 @@ class Backbone(Part):
         outer = 0.0 if section.diameter is None else section.diameter
         return np.asarray((2 * np.hypot(x, y) <= _EDGE * outer) & (np.asarray(outer) > 0))
 
-    def in_bore(self, places: ArrayLike, fraction: ArrayLike) -> NDArray[np.bool_]:
+    def in_bore(self, places: ArrayLike, fraction: ArrayLike) -> Bools:
         """Whether points lie in the bore of a tube; arguments as of `encloses`."""
         x, y = np.moveaxis(np.asarray(places, dtype=float), -1, 0)
         return np.asarray(_EDGE * 2 * np.hypot(x, y) < self.at(fraction).inner_diameter)
@@ -722,7 +706,7 @@ class Tendon(TendonProperties):
         """x and y of its hole in the base, m; of a parallel tendon in all disks."""
         return self.pitch_radius * math.cos(self.angle), self.pitch_radius * math.sin(self.angle)
 
-    def holes(self, stations: ArrayLike) -> NDArray[np.float64]:
+    def holes(self, stations: ArrayLike) -> Floats:
         """Positions of its holes in the frames of base and disks.
 
         Parameters
@@ -739,7 +723,7 @@ class Tendon(TendonProperties):
         share = station / station[..., -1:]
         first = np.zeros((*station.shape[:-1], 1))
 
-        def column(value: Any) -> NDArray[np.float64]:
+        def column(value: Any) -> Floats:
             return np.asarray(value, dtype=float)[..., None]
 
         radius, angle = column(self.pitch_radius), column(self.angle)
@@ -751,7 +735,7 @@ class Tendon(TendonProperties):
         if self.angles is not None:
             angles = stacked(self.angles)
 
-        def whole(base: NDArray[np.float64], beyond: NDArray[np.float64]) -> NDArray[np.float64]:
+        def whole(base: Floats, beyond: Floats) -> Floats:
             lead = np.broadcast_shapes(first.shape[:-1], base.shape[:-1], beyond.shape[:-1])
             parts = (np.broadcast_to(v, (*lead, v.shape[-1])) for v in (base, beyond))
             return np.concatenate(list(parts), axis=-1)

@@ -14,8 +14,6 @@ from bowstring.robot.model import Robot
 from bowstring.robot.overrides import expand
 from bowstring.units import quote
 
-__all__ = ["example_path", "find", "full_paths", "no_such", "numbers_of"]
-
 _VECTORS: Final = ("gravity", "tip_force", "tip_moment")
 _MOST_NEAR: Final = 2  # paths that an error suggests
 _NEAR: Final = 0.55  # least similarity of them

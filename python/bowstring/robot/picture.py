@@ -7,16 +7,12 @@ from collections.abc import Callable, Collection, Iterable
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.display import some
 
 if TYPE_CHECKING:
     from bowstring.robot.arrays import RobotArrays
-
-__all__ = ["picture"]
-
-Floats = NDArray[np.float64]
 
 _SIZE: Final = 180  # pixels of the longer side
 _ROOM: Final = 8

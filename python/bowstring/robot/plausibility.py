@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Floats
 from bowstring.units import number_with_unit, rounded
 
 if TYPE_CHECKING:
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from bowstring.robot.parts import Backbone
 
 _STANDARD_GRAVITY: Final = 9.80665  # m/s^2
-
-Floats = NDArray[np.float64]
 
 # Plausible ranges. A wrong unit is mostly wrong by 1000, so each range covers all robots that we
 # know of and is much narrower than 1000.

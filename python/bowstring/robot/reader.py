@@ -16,8 +16,6 @@ from bowstring.robot.safe_yaml import read_yaml, reading, text_of
 from bowstring.units import printable, quote
 from bowstring.validation import shown
 
-__all__ = ["load_robot", "name_of", "robot_names", "robot_of_text", "robot_schema"]
-
 _BUILT_IN: Final = Path(__file__).with_name("builtin")
 
 

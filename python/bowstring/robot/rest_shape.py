@@ -6,14 +6,10 @@ import math
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
-
-__all__ = ["check_rest_bend", "rest_frames", "unloaded_pose"]
-
-Floats = NDArray[np.float64]
 
 _AXIS: Final = np.array([0.0, 0.0, 1.0])
 

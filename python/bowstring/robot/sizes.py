@@ -6,18 +6,14 @@ from dataclasses import dataclass
 from typing import Annotated, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.results import Key, Result
 from bowstring.robot.disk import room_for_holes
 from bowstring.robot.model import Robot, check_round
 from bowstring.robot.parts import TendonRing, tendon_field
 from bowstring.units import number_with_unit
-
-__all__ = ["Assumed", "PartNames", "Sizes", "part_names", "sizes_of"]
-
-Floats = NDArray[np.float64]
 
 # Tendons are thin compared with the backbone (published robots: 0.2 to 1 mm on 1 to 5 mm).
 _TENDON: Final = 1 / 5  # tendon diameter over backbone diameter

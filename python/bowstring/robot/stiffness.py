@@ -8,21 +8,10 @@ from numbers import Real
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Bools, Floats
 from bowstring.units import NUMBER, Marker, quote, wrong
-
-__all__ = [
-    "StiffnessMatrix",
-    "couples",
-    "entry_of",
-    "flexibility",
-    "has_couplings",
-    "matrix_of",
-    "mirrored",
-    "tension_centre",
-    "without_couplings",
-]
 
 _SIZE: Final = 6
 _ALONE: Final = np.diag([1, 1, 1, 0, 0, 1]).astype(bool)  # entries of a plain section
@@ -115,14 +104,14 @@ def couples(path: str) -> bool:
     return entry is not None and not _ALONE[entry]
 
 
-def matrix_of(rows: Sequence[Sequence[ArrayLike]]) -> NDArray[np.float64]:
+def matrix_of(rows: Sequence[Sequence[ArrayLike]]) -> Floats:
     """Matrix (..., 6, 6) of rows whose entries may be arrays (...) of many robots."""
     entries = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for row in rows for x in row))
     matrix = np.stack(entries, axis=-1).reshape(*entries[0].shape, _SIZE, _SIZE)
     return np.asarray(matrix, dtype=np.float64)
 
 
-def has_couplings(stiffness: NDArray[np.float64]) -> NDArray[np.bool_]:
+def has_couplings(stiffness: Floats) -> Bools:
     """Whether a section couples strains beyond what the numbers of a plain section describe.
 
     Parameters
@@ -142,7 +131,7 @@ def has_couplings(stiffness: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(coupled & ~np.isnan(stiffness[..., 0, 0]))
 
 
-def flexibility(stiffness: ArrayLike) -> NDArray[np.float64]:
+def flexibility(stiffness: ArrayLike) -> Floats:
     """Strains by one moment or force alone.
 
     Parameters
@@ -161,7 +150,7 @@ def flexibility(stiffness: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(np.linalg.inv(matrix * size) * size, dtype=np.float64)
 
 
-def tension_centre(stiffness: ArrayLike) -> NDArray[np.float64]:
+def tension_centre(stiffness: ArrayLike) -> Floats:
     """Place in a section through which an axial force bends it about no axis.
 
     Parameters

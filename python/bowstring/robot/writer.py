@@ -10,8 +10,6 @@ from bowstring.robot.model import Robot
 from bowstring.robot.parts import Backbone
 from bowstring.units import Quantity, printable
 
-__all__ = ["to_yaml"]
-
 
 def to_yaml(robot: Robot, comment: str = "") -> str:
     """Text of a robot file that reads back as the same robot.

@@ -16,6 +16,7 @@ from typing_extensions import NotRequired
 
 from bowstring import validation
 from bowstring._core import PathSolver, check_memory
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.errors import InputError
 from bowstring.files.json_files import Content, Row, Table, Triple, structured
 from bowstring.robot.laws import OF_COMMANDS
@@ -28,30 +29,10 @@ if TYPE_CHECKING:
     from bowstring.robot.arrays import RobotArrays
     from bowstring.robot.model import Robot
 
-__all__ = [
-    "HISTORY_SCHEMA_VERSION",
-    "KINDS",
-    "Given",
-    "Path",
-    "checked_times",
-    "commanded",
-    "commands",
-    "compliances",
-    "delayed",
-    "displacements",
-    "driven",
-    "given",
-    "home_lengths",
-    "tensions_of_pressures",
-    "through_drives",
-]
-
 HISTORY_SCHEMA_VERSION: Final = 1
 KINDS: Final = {"tensions": "N", "displacements": "m", "angles": "rad"}
 """Kinds of command of a tendon in a load, with their units."""
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 #: One number per tendon, None or NaN for a command of another kind; or rows of them.
 Given = ArrayLike | Sequence[float | None] | Sequence[Sequence[float | None]]
 
@@ -111,7 +92,7 @@ def displacements(
     return found
 
 
-def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
+def slack(robot: Robot, slack_lengths: Floats) -> Ints:
     """Indices of slack tendons; slack lengths within rounding errors do not count."""
     return np.flatnonzero(slack_lengths > 1e-12 * robot.length)
 
@@ -300,9 +281,7 @@ def not_rows(name: str, shape: tuple[int, ...], count: int) -> InputError:
     )
 
 
-def _not_one(
-    tables: Mapping[str, Floats], count: NDArray[np.int64], said: Mapping[str, Bools]
-) -> InputError:
+def _not_one(tables: Mapping[str, Floats], count: Ints, said: Mapping[str, Bools]) -> InputError:
     place = tuple(int(i) for i in np.argwhere(count != 1)[0])
     where = f"row {place[0] + 1}: " if len(place) == 2 else ""
     tendon = f"{where}tendon {place[-1] + 1}"

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring import validation
 from bowstring._core import follow_branches
+from bowstring.aliases import Floats, Ints
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.results import Key, Result
@@ -32,17 +32,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = [
-    "Branch",
-    "BranchDiagram",
-    "BranchEvent",
-    "BranchSearch",
-    "CriticalLoad",
-    "branch_diagram",
-    "critical_load",
-]
-
-Floats = NDArray[np.float64]
 Kind = Literal["limit_point", "bifurcation"]
 End = Literal["range", "closed", "joined", "collision", "unstable", "points", "lost"]
 
@@ -98,12 +87,7 @@ class BranchSearch:
                     f"{name} is {value!r}, it must be a number above 0, up to {most:g}"
                 )
         for name, least, most in (("max_points", 2, 100_000), ("max_branches", 1, 1000)):
-            value = getattr(self, name)
-            whole = isinstance(value, int) and not isinstance(value, bool)
-            if not whole or not least <= value <= most:
-                raise InputError(
-                    f"{name} is {value!r}, it must be a whole number from {least} to {most}"
-                )
+            validation.whole(name, getattr(self, name), least, most)
         validation.truth("deflation", self.deflation)
 
 
@@ -149,7 +133,7 @@ class Branch(Result):
     family of equal branches, and where it is not determined (`Solution.stable`)."""
     unstable_modes: Annotated[tuple[int | None, ...], Key()]
     """Number of negative eigenvalues of the second variation; None under a moment."""
-    neutral_modes: NDArray[np.int64]
+    neutral_modes: Ints
     """Number of eigenvalues (n,) that are zero within rounding."""
     disk_positions: Floats
     """Positions of the disks (n, N, 3), m."""

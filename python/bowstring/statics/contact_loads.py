@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring import validation
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
@@ -15,10 +15,6 @@ from bowstring.statics.load_tables import ON_DISKS, per_disk, with_arrays, witho
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-
-__all__ = ["dead_loads", "load_rows", "unloaded"]
-
-Floats = NDArray[np.float64]
 
 _VECTORS: Final = {"gravity": "m/s^2", "tip_force": "N", "tip_moment": "N m"}
 

@@ -10,8 +10,8 @@ import math
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.statics import actuation
 from bowstring.statics.contact_loads import dead_loads, unloaded
@@ -27,10 +27,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
     from bowstring.statics.messages import StaticsStatus
-
-__all__ = ["TOLERANCE", "ContactProblem"]
-
-Floats = NDArray[np.float64]
 
 TOLERANCE: Final = 1e-9  # tolerance of a contact: distances over length, forces over their scale
 _TARGET: Final = 1e-10  # residual at which the iteration stops

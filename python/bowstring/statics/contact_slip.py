@@ -6,11 +6,8 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["energy_norm", "sliding_force"]
-
-Floats = NDArray[np.float64]
+from bowstring.aliases import Floats
 
 _ANGLES: Final = 48  # angles at which the direction of the slip is bracketed
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.errors import NoSolutionError, StabilityWarning
 from bowstring.results import Key, Result
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
     from bowstring.statics.messages import StaticsStatus
 
-__all__ = ["ContactSolution", "State"]
-
-Floats = NDArray[np.float64]
 State = Literal["separated", "sticking", "sliding"]
 
 _BEYOND: Final = 1e-6  # distance over length from which a disk counts as beyond the plane

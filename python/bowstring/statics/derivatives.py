@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.laws import OF_MOTION
@@ -14,17 +14,6 @@ from bowstring.robot.model import check_without_laws
 from bowstring.statics import actuation
 from bowstring.statics.solution import Solution
 from bowstring.validation import shown
-
-__all__ = [
-    "DisplacementJacobian",
-    "Jacobians",
-    "block_of_taut",
-    "check_smooth",
-    "displacement_jacobian",
-    "jacobians",
-]
-
-Floats = NDArray[np.float64]
 
 
 @short_repr
@@ -142,7 +131,7 @@ def jacobians(solution: Solution) -> Jacobians:
     return Jacobians(**{field.name: found[field.name] for field in fields(Jacobians)})
 
 
-def block_of_taut(displacement_by_tension: Floats, taut: NDArray[np.int64]) -> Floats:
+def block_of_taut(displacement_by_tension: Floats, taut: Ints) -> Floats:
     """Block of the displacement by tension (T, T), m/N, of the taut tendons, given by index.
 
     Raises

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring._core import follow_designs
+from bowstring.aliases import Bools, Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import listed
@@ -21,8 +22,6 @@ from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import floats, shown
 
 __all__ = ["DesignSweep", "sweep_designs"]
-
-Floats = NDArray[np.float64]
 
 _WIDE: Final = ("gravity", "tip_force", "tip_moment")
 _FOUND: Final = (
@@ -50,7 +49,7 @@ class DesignSweep:
     """Tensions (D, L, T), N: as given, or as they follow from displacements."""
     slack_lengths: Floats
     """Slack lengths of the tendons under displacement control (D, L, T), m; 0 of the others."""
-    converged: NDArray[np.bool_]
+    converged: Bools
     """Whether each load converged (D, L)."""
     status: NDArray[np.str_]
     """Status as of `bowstring.Solution`, (D, L)."""
@@ -186,7 +185,7 @@ class _Commands:
     """Commands of all tendons (D, L, T), and which are displacements."""
 
     values: Floats
-    by_displacement: NDArray[np.bool_]
+    by_displacement: Bools
 
 
 def _commands(
@@ -222,7 +221,7 @@ def _commands(
     return _driven(designs, values, by_displacement)
 
 
-def _driven(designs: Designs, values: Floats, by_displacement: NDArray[np.bool_]) -> _Commands:
+def _driven(designs: Designs, values: Floats, by_displacement: Bools) -> _Commands:
     """Commands as they reach the tendons (theory Eq. 4.11)."""
     # loads first: arrays of tendons are (T,) or (D, T)
     moved = driven(designs.arrays, values.swapaxes(0, 1)).swapaxes(0, 1)

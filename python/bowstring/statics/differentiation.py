@@ -12,9 +12,10 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring._core import Linearised
+from bowstring.aliases import Bools, Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.fields import quantity_of
@@ -29,19 +30,6 @@ from bowstring.validation import shown
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-
-__all__ = [
-    "ACTUATION",
-    "ON_DISKS",
-    "QUANTITIES",
-    "VECTORS",
-    "Differentiator",
-    "Direction",
-    "DirectionalDerivatives",
-    "Rates",
-]
-
-Floats = NDArray[np.float64]
 
 #: Parts of a load that a direction can change: actuation, vectors, and vectors on disks.
 ACTUATION: Final = ("tensions", "displacements")
@@ -371,7 +359,7 @@ class Differentiator:
         answer: Floats = own - self.by_tension[self._lengths]
         return answer
 
-    def _tension_rates(self, wanted: Floats, held: NDArray[np.bool_]) -> Floats:
+    def _tension_rates(self, wanted: Floats, held: Bools) -> Floats:
         """Tensions that change the displacements of taut tendons as wanted; zero for others."""
         rates = np.zeros(len(wanted))
         if held.any():
@@ -379,7 +367,7 @@ class Differentiator:
             rates[held] = np.linalg.solve(block, wanted[held])
         return rates
 
-    def first_tensions(self, wanted: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def first_tensions(self, wanted: Floats) -> tuple[Floats, Bools]:
         """First derivatives of the tensions, and which tendons are taut along the line.
 
         `wanted` are the changes of displacement that the tensions have to make. A tendon at the

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import validation
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.robot.laws import LAWS
@@ -28,10 +29,6 @@ from bowstring.validation import shown
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-
-__all__ = ["Derivatives", "derivatives", "directional_derivatives"]
-
-Floats = NDArray[np.float64]
 
 #: Fields that change the number of disks, or have no smooth effect.
 _ROUGH: Final = {

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring import validation
 from bowstring._core import Equilibria
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import check_robot, check_without_laws
@@ -21,19 +21,6 @@ from bowstring.statics.model import as_model
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-
-__all__ = [
-    "GRAVITY",
-    "SECOND",
-    "EquilibriumFunction",
-    "Input",
-    "columns",
-    "differentiable",
-    "not_numbers",
-    "single_precision",
-]
-
-Floats = NDArray[np.float64]
 
 #: Index of gravity among the inputs.
 GRAVITY = 1

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bowstring._core as _core
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot, check_round
 from bowstring.robot.stiffness import flexibility
@@ -28,26 +29,7 @@ from bowstring.statics.model import RodModel
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "FIELDS",
-    "SCHEMA_VERSION",
-    "Field",
-    "Frames",
-    "Section",
-    "attributes",
-    "check_frames",
-    "completing",
-    "coordinates",
-    "derive",
-    "surface_stress",
-    "to_dataset",
-    "von_mises",
-]
-
 SCHEMA_VERSION: Final = 2
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -168,9 +150,7 @@ FIELDS: Final[tuple[Field, ...]] = (
 _RAW: Final = frozenset(Frames.__dataclass_fields__)
 
 
-def _coupled(
-    robot: Robot, segment: Ints, model: RodModel, free: NDArray[np.bool_]
-) -> Floats | None:
+def _coupled(robot: Robot, segment: Ints, model: RodModel, free: Bools) -> Floats | None:
     """Strains by moment and force (P, 6, 6) where a stiffness matrix is given, NaN elsewhere."""
     if np.isnan(robot.section_stiffness).all():
         return None

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.errors import NoSolutionError
 from bowstring.formatting import in_mm, in_percent, listed, significant
 from bowstring.results import Key, Result
@@ -25,20 +25,6 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
     from bowstring.statics.fields import Frames, Section
-
-__all__ = [
-    "POINTS",
-    "Utilisation",
-    "below_base",
-    "buckled_or_stretched",
-    "by_segment",
-    "has_limits",
-    "of_pose",
-    "of_sweep",
-    "utilisations",
-]
-
-Floats = NDArray[np.float64]
 
 What = Literal["strain_limit", "yield_strength"]
 
@@ -256,7 +242,7 @@ def of_sweep(
     several = len(robot.segments) > 1
     warnings, uses = [], []
 
-    def where(beyond: NDArray[np.bool_]) -> str:
+    def where(beyond: Bools) -> str:
         first = significant(float(tension[np.argmax(beyond)]))
         rest = beyond[np.argmax(beyond) :]
         return f"From {first} N on" if rest.all() else f"At some loads from {first} N on"

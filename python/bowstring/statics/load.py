@@ -15,8 +15,6 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.validation import is_whole, number, row, shown, truth
 
-__all__ = ["Load", "PointLoad", "as_load", "depends_on_time", "point_loads"]
-
 
 @short_repr
 @dataclass(frozen=True)

@@ -7,35 +7,14 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.statics.load import Load, PointLoad, depends_on_time, point_loads
 from bowstring.validation import read
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
-
-__all__ = [
-    "FOLLOWER",
-    "FORCE",
-    "MOMENT",
-    "ON_DISKS",
-    "POINT_NUMBERS",
-    "WRENCH",
-    "InstantLoad",
-    "disk_shape",
-    "least_elements",
-    "per_disk",
-    "points_have_potential",
-    "row_of",
-    "same_points",
-    "table_of",
-    "with_arrays",
-    "without_wrenches",
-]
-
-Floats = NDArray[np.float64]
 
 _BESIDE_TIP: Final = attrgetter("disk_forces", "disk_moments", "point_loads", "line_forces", "base")
 ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m", "line_forces": "N/m"}

@@ -6,23 +6,12 @@ from collections.abc import Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.formatting import listed
-
-__all__ = [
-    "NEEDED",
-    "StaticsStatus",
-    "discretisation",
-    "of_actuation",
-    "of_solution",
-    "without_potential",
-]
 
 #: Status of an equilibrium.
 StaticsStatus = Literal["converged", "max_iterations", "unstable", "no_equilibrium"]
-
-Floats = NDArray[np.float64]
 
 NEEDED: Final = (
     *("status", "stable", "residual", "iterations"),
@@ -34,7 +23,7 @@ _ANOTHER_BRANCH: Final = 1e-2  # error of a tip over the length, above which it 
 _MUCH_FRICTION: Final = 1.0  # a failed solve with a larger coefficient gets a hint
 
 
-def _tendons(indices: Sequence[int] | NDArray[np.int64]) -> str:
+def _tendons(indices: Sequence[int] | Ints) -> str:
     """Names of tendons, such as "tendon 2" or "tendons 1, 2 and 4"."""
     return f"tendon{'s' * (len(indices) > 1)} {listed([str(int(i) + 1) for i in indices])}"
 
@@ -147,7 +136,7 @@ _WITHOUT_POTENTIAL: Final = "a dead moment, hysteresis or relaxation has"
 
 def of_actuation(
     found: Any,
-    slack: Sequence[int] | NDArray[np.int64],
+    slack: Sequence[int] | Ints,
     friction: float,
     advice: str = "",
     held: bool = False,

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import validation
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
-
-__all__ = ["Plane"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import validation
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
@@ -24,10 +25,6 @@ from bowstring.statics.solution import Solution, Sweep, solution
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-
-__all__ = ["solve", "solve_batch", "sweep"]
-
-Floats = NDArray[np.float64]
 
 
 def solve(
@@ -205,8 +202,7 @@ def solve_batch(
     solutions of a sample of them (theory of statics, Globalisation). Where a load has several
     stable equilibria, the one that is found then depends on the other rows.
     """
-    if not (isinstance(threads, int) and 0 <= threads <= 1024):
-        raise InputError(f"threads is {threads!r}, it must be a whole number from 0 to 1024")
+    validation.whole("threads", threads, 0, 1024)
     check_robot(robot)
     disks = validation.truth("disks", disks)
     load, model = _rows(as_load(tensions, load)), as_model(model)

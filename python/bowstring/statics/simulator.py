@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring._core import Simulator
+from bowstring.aliases import Floats, Ints
 from bowstring.errors import NoSolutionError
 from bowstring.statics import actuation
 from bowstring.statics.fields import Frames
@@ -17,11 +17,6 @@ from bowstring.statics.load_tables import InstantLoad, with_arrays
 if TYPE_CHECKING:
     from bowstring._core import RodModel
     from bowstring.robot.model import Robot
-
-__all__ = ["Scheme", "at_rest", "frames", "keep_start", "make", "stations"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class Scheme(NamedTuple):

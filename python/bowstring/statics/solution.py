@@ -15,8 +15,8 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.display import html_table, millimetres, sampled_rows
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.pose import Pose
@@ -38,10 +38,6 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.statics.fields import Frames
     from bowstring.statics.limits import Utilisation
-
-__all__ = ["ErrorEstimate", "Solution", "Sweep", "joined", "solution"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -440,11 +436,9 @@ class Solution(Result):
         return self
 
 
-def _passes(robot: Robot) -> NDArray[np.bool_]:
+def _passes(robot: Robot) -> Bools:
     """Whether a tendon passes a module, (N, T)."""
-    passes: NDArray[np.bool_] = (
-        np.arange(len(robot.disks.station_m))[:, None] <= robot.tendons.end_disk
-    )
+    passes: Bools = np.arange(len(robot.disks.station_m))[:, None] <= robot.tendons.end_disk
     return passes
 
 
@@ -488,18 +482,18 @@ class Sweep:
     tensions: Floats
     model: RodModel
     status: list[str]
-    converged: NDArray[np.bool_]
+    converged: Bools
     stable: list[bool | None]
-    iterations: NDArray[np.int64]
+    iterations: Ints
     residual: Floats
     tip_position: Floats
     tip_rotation: Floats
     tendon_lengths: Floats
     disk_positions: Floats | None
     disk_rotations: Floats | None
-    left_unstable: NDArray[np.bool_]
+    left_unstable: Bools
     fraction: Floats
-    collision: NDArray[np.int64]
+    collision: Ints
     tip_error: Floats
     tension_error: Floats
     path: dict[str, Any] | None = None
@@ -531,7 +525,7 @@ class Sweep:
         return np.where(self.converged[:, None, None], spans, np.nan)
 
     @property
-    def undetermined(self) -> NDArray[np.bool_]:
+    def undetermined(self) -> Bools:
         """Rows (n,) in which several sets of tensions have the same pose; the smallest is given."""
         if self.path is not None:
             return np.array(self.path["undetermined"])
@@ -645,7 +639,7 @@ def solution(
     return Solution(robot, path.core.step(given, commands, load), path, before)
 
 
-def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
+def joined(parts: Sequence[tuple[Ints, Sweep]]) -> Sweep:
     """Join sweeps of parts of the rows; the result is no single path and has no history.
 
     Parameters

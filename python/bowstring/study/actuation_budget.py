@@ -25,8 +25,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
@@ -42,17 +42,6 @@ from bowstring.study.comparison import MEANINGS, Case, Model
 if TYPE_CHECKING:
     from bowstring.study import budget_rows as schema
 
-__all__ = [
-    "ASSUMED_FRICTION",
-    "COMMANDED",
-    "ActuationBudget",
-    "ActuationRow",
-    "Loop",
-    "actuation_budget",
-    "assumed_stiffness",
-]
-
-Array = NDArray[np.float64]
 Control = Literal["tension", "displacement"]
 Source = Literal["file", "calibrated", "assumed", "left_out"]
 
@@ -138,22 +127,22 @@ class Loop(Result):
 
     control: Control
     """Controlled quantity of the actuated tendons."""
-    command: Array
+    command: Floats
     """Tension (N) or displacement (m) of the actuated tendon (n,)."""
-    free: Annotated[Array, Key("tip_free_mm")]
+    free: Annotated[Floats, Key("tip_free_mm")]
     """Tip without friction and tendon elasticity (n, 3), m; NaN without an equilibrium."""
-    loading: Annotated[Array, Key("tip_loading_mm")]
+    loading: Annotated[Floats, Key("tip_loading_mm")]
     """Tip in loading (n, 3), m; NaN without an equilibrium."""
-    unloading: Annotated[Array, Key("tip_unloading_mm")]
+    unloading: Annotated[Floats, Key("tip_unloading_mm")]
     """Tip in unloading (n, 3), m, in the order of the commands; NaN without an equilibrium."""
-    constant_curvature: Annotated[Array, Key("tip_constant_curvature_mm")]
+    constant_curvature: Annotated[Floats, Key("tip_constant_curvature_mm")]
     """Tip by constant curvature from force or from the commanded lengths (n, 3), m; NaN without an
     arc."""
     length: float
     """Length of the robot, m."""
 
     @property
-    def apart(self) -> Array:
+    def apart(self) -> Floats:
         """Distance of the tips of loading and unloading at equal command (n,), m."""
         return np.asarray(np.linalg.norm(self.loading - self.unloading, axis=-1))
 
@@ -183,7 +172,7 @@ class TensionLoop(Loop):
     """Actuation."""
 
     @property
-    def tension(self) -> Annotated[Array, Key("tension_N")]:
+    def tension(self) -> Annotated[Floats, Key("tension_N")]:
         """Commands (n,), N."""
         return self.command
 
@@ -202,7 +191,7 @@ class DisplacementLoop(Loop):
     """Actuation."""
 
     @property
-    def displacement(self) -> Annotated[Array, Key("displacement_mm")]:
+    def displacement(self) -> Annotated[Floats, Key("displacement_mm")]:
         """Commands (n,), m; NaN without an equilibrium."""
         return self.command
 
@@ -231,7 +220,7 @@ class ActuationBudget(Result):
     """Source of the elasticity; ``"left_out"`` without any value of E A."""
     elasticity_by: Annotated[str, Key()]
     """Basis of an assumed E A, or reason why there is none."""
-    displacement: Annotated[Array, Key("commanded_displacement_mm")]
+    displacement: Annotated[Floats, Key("commanded_displacement_mm")]
     """Commanded displacement of the actuated tendon at the loads of the sweep (n,), m; NaN without
     an equilibrium."""
     tension_controlled: Case
@@ -304,7 +293,7 @@ class ActuationBudget(Result):
 
 
 def actuation_budget(
-    model: Model, tension: Array, sweep: Case, calibrated: Robot | None = None
+    model: Model, tension: Floats, sweep: Case, calibrated: Robot | None = None
 ) -> ActuationBudget:
     """Compute the error budget of actuation.
 
@@ -524,7 +513,7 @@ class _Commanded:
     own bend.
     """
 
-    def __init__(self, model: Model, tension: Array) -> None:
+    def __init__(self, model: Model, tension: Floats) -> None:
         robot = model.robot
         arcs = RobotArcs.from_tensions(robot, model.tensions(model.arc_scale * tension))
         self.tip = arcs.tip.position
@@ -547,7 +536,7 @@ class _Commanded:
 class _Branch:
     """Loading or unloading of a path, in the order of increasing commands, every k-th step."""
 
-    def __init__(self, path: Sweep, order: NDArray[np.int64], every: int) -> None:
+    def __init__(self, path: Sweep, order: Ints, every: int) -> None:
         self.path_tip = path.tip_position[order]
         here = order[::every]
         self.tip = path.tip_position[here]

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Annotated, Final, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.calibration.bootstrap import RESAMPLES, bootstrap
 from bowstring.calibration.orientation_fit import (
     AngleScore,
@@ -55,9 +55,6 @@ from bowstring.study.data_validation import (
     tip_poses,
 )
 
-__all__ = ["FRAMES", "AgainstAngles", "AngleComparison", "judge_angles"]
-
-Array = NDArray[np.float64]
 Frame = Literal["calibrated", "as_measured"]
 
 FRAMES: Final[dict[Frame, str]] = {
@@ -79,14 +76,14 @@ class AngleComparison(Result):
     frame: Annotated[Frame, Key()]
     """``calibrated``: the sensor's frame is turned as fitted. ``as_measured``: it is the base
     frame."""
-    error: Array
+    error: Floats
     """Absolute errors (K,), rad; NaN without a solution."""
-    apart: Array
+    apart: Floats
     """Distance (K,) between the tips of two arcs, one with the measured angles and one with those
     of the model, m; NaN for several segments."""
     length: float
     """Length of the robot, m."""
-    interval: Annotated[Array, Key("interval_95_mean_deg")] = field(
+    interval: Annotated[Floats, Key("interval_95_mean_deg")] = field(
         default_factory=lambda: np.full(2, np.nan)
     )
     """95 % bootstrap interval (2,) of the mean error, rad."""
@@ -241,7 +238,7 @@ def judge_angles(
                 f"{DATA_MODELS[name]} has no solution for {lost} of {len(data)} rows; its numbers "
                 "are over the others."
             )
-        frames: dict[Frame, Array] = {"calibrated": turns[name], "as_measured": np.zeros(3)}
+        frames: dict[Frame, Floats] = {"calibrated": turns[name], "as_measured": np.zeros(3)}
         if not turns[name].any():
             del frames["calibrated"]
         elif name == "cc_calibrated":  # its gain belongs to its frame
@@ -299,7 +296,7 @@ def _calibrated(
     return None
 
 
-def _arcs_apart(robot: Robot, data: Measurements, predicted: Array) -> Array:
+def _arcs_apart(robot: Robot, data: Measurements, predicted: Floats) -> Floats:
     """Distance (K,) between arcs with the measured and the predicted (K, 3) end, m; or NaN."""
     if len(robot.segments) > 1:
         return np.full(len(data), math.nan)
@@ -311,7 +308,7 @@ def _arcs_apart(robot: Robot, data: Measurements, predicted: Array) -> Array:
         measured = data.bend
         towards = np.arctan2(y, x), data.direction
 
-    def tip(bend: Array, direction: Array) -> Array:
+    def tip(bend: Floats, direction: Floats) -> Floats:
         aside = 0.5 * bend * np.sinc(bend / math.tau) ** 2  # (1 - cos b) / b
         along = np.sinc(bend / math.pi)
         return robot.length * np.stack(

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, fields
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import EndOfFit, Fit, fit
 from bowstring.calibration.tip_model import paths_of
@@ -31,17 +31,6 @@ from bowstring.statics.model import RodModel
 from bowstring.statics.solution import Sweep, joined
 from bowstring.study.comparison import Theory
 
-__all__ = [
-    "ArcCalibration",
-    "StudyCalibration",
-    "arc_gains",
-    "calibrate",
-    "calibrate_arc",
-    "predicted",
-    "rod_parameters",
-]
-
-Array = NDArray[np.float64]
 GravityFrom = Literal["file", "assumed", "calibrated"]
 
 _EARTHLY: Final = 0.03  # deviation over standard gravity, in addition to four standard errors
@@ -62,7 +51,7 @@ class StudyCalibration(Result):
     """Gain of the commands; 1 if not calibrated."""
     frame: Rigid
     """Measuring frame to base frame."""
-    point: Array
+    point: Floats
     """Measured point by the calibrated robot (K, 3), m, base frame."""
     fit: Fit
     """Fit of the parameters of `robot`, gain and base frame."""
@@ -84,7 +73,7 @@ class StudyCalibration(Result):
         return 1.0 if "gain" in self.fit.drives else self.gain
 
     @property
-    def gravity_in_base(self) -> Annotated[Array, Key("gravity_m_per_s2")]:
+    def gravity_in_base(self) -> Annotated[Floats, Key("gravity_m_per_s2")]:
         """Gravity in base axes (3,), m/s^2."""
         return np.array(self.robot.gravity) + 0.0
 
@@ -111,7 +100,7 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     timed = late or robot.is_viscoelastic
     times = commands.clock("relaxation, creep or delay") if timed else None
 
-    def path(rows: NDArray[np.int64]) -> Sweep:
+    def path(rows: Ints) -> Sweep:
         load = Load(*(None if table is None else table[rows] for table in given))
         late = None if times is None else times[rows] - times[rows[0]]
         return rod.sweep(robot, load=load, model=model, times=late, disks=False)
@@ -182,7 +171,7 @@ class ArcCalibration:
     """Gains on the bend of the robot or of each segment, by name."""
     frame: Rigid
     """Measuring frame to base frame."""
-    point: Array
+    point: Floats
     """Measured point by the model (K, 3), m, base frame."""
     converged: bool
     """Whether the fit converged."""
@@ -362,7 +351,7 @@ def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
 
 
 def _standing(
-    robot: Robot, data: Measurements, plain: Fit, like: Array, theory: Theory
+    robot: Robot, data: Measurements, plain: Fit, like: Floats, theory: Theory
 ) -> Fit | None:
     """Fit in Earth's gravity, upright, hanging or horizontal; None if squares do not halve."""
     axis = np.array([0.0, 0.0, 1.0])
@@ -392,7 +381,7 @@ def _squares(found: Fit) -> float:
     return float(np.nansum(found.point_residuals[found.used] ** 2))
 
 
-def _gravity(found: Fit) -> tuple[Array, Array]:
+def _gravity(found: Fit) -> tuple[Floats, Floats]:
     """Fitted gravity (3,), m/s^2, and its covariance (3, 3)."""
     place = [found.names.index(f"gravity.{i}") for i in range(3)]
     vector = np.array([found.estimates[i].value for i in place])
@@ -400,7 +389,7 @@ def _gravity(found: Fit) -> tuple[Array, Array]:
     return vector, found.correlation[np.ix_(place, place)] * np.outer(errors, errors)
 
 
-def _spread(covariance: Array, direction: Array) -> float:
+def _spread(covariance: Floats, direction: Floats) -> float:
     """Standard error along a direction."""
     size = float(np.linalg.norm(direction))
     return (

@@ -17,8 +17,6 @@ from bowstring.study.comparison import MEANINGS, Model, Theory
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import actuated, largest_load, whole_share
 
-__all__ = ["combinations", "worst_combination"]
-
 _MOST: Final = 128  # combinations that are tried, fewer of long robots
 _DISKS: Final = 20_000  # disks of all combinations together
 _POINTS: Final = 17  # loads of each

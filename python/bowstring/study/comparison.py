@@ -15,8 +15,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
@@ -33,25 +33,6 @@ from bowstring.validity.loading import linear_bend
 if TYPE_CHECKING:
     from bowstring.study import budget_rows as schema
 
-__all__ = [
-    "COMPARISONS",
-    "CORRECTED",
-    "FITS",
-    "FROM_FORCE",
-    "LABELS",
-    "MEANINGS",
-    "PREDICTIONS",
-    "Case",
-    "Model",
-    "Theory",
-    "arcs_of",
-    "disks_by_arcs",
-    "points_by_arcs",
-    "poses_by_arcs",
-    "short",
-]
-
-Array = NDArray[np.float64]
 Theory = Literal["cosserat", "kirchhoff"]
 
 COMPARISONS: Final = {
@@ -112,12 +93,12 @@ class Case:
     """The rod: robot, theory and loads."""
     problem: str | None
     """Reason for missing numbers at some or all loads."""
-    tip_position: Array
+    tip_position: Floats
     """(n, 3), m."""
     comparisons: dict[str, Comparison]
     """Comparisons by name: `MEANINGS`, or from the commanded lengths in displacement control."""
 
-    def error(self, meaning: str) -> Array:
+    def error(self, meaning: str) -> Floats:
         """Euclidean tip error (n,) of constant curvature, m."""
         return self.comparisons[meaning].error
 
@@ -150,7 +131,7 @@ class Case:
 # -- computing it ------------------------------------------------------------------------------
 
 
-def arcs_of(robot: Robot, name: str, commands: Array) -> RobotArcs:
+def arcs_of(robot: Robot, name: str, commands: Floats) -> RobotArcs:
     """Arcs of a comparison from tensions or tendon lengths (..., T)."""
     if name in FROM_FORCE:
         law: Literal["linear", "arm"] = "linear" if name == "cc_from_force" else "arm"
@@ -159,8 +140,8 @@ def arcs_of(robot: Robot, name: str, commands: Array) -> RobotArcs:
 
 
 def points_by_arcs(
-    robot: Robot, name: str, commands: Array, tool: Array | None = None
-) -> tuple[Array, str]:
+    robot: Robot, name: str, commands: Floats, tool: Floats | None = None
+) -> tuple[Floats, str]:
     """Points (n, 3) by constant curvature, m: the tip, or `tool` in the tip's axes.
 
     Rows without an arc are NaN; also returns the reason of the last such row.
@@ -170,20 +151,20 @@ def points_by_arcs(
     return position if tool is None else np.asarray(position + rotation @ tool), reason
 
 
-def poses_by_arcs(robot: Robot, name: str, commands: Array) -> tuple[Array, Array, str]:
+def poses_by_arcs(robot: Robot, name: str, commands: Floats) -> tuple[Floats, Floats, str]:
     """Position (n, 3), m, and rotation (n, 3, 3) of the tip by constant curvature.
 
     Rows without an arc are NaN; also returns the reason of the last such row.
     """
 
-    def poses(arcs: RobotArcs) -> Array:
+    def poses(arcs: RobotArcs) -> Floats:
         return np.concatenate([arcs.tip.position[..., None], arcs.tip.rotation], axis=-1)
 
     found, reason = _by_arcs(robot, name, commands, poses, (3, 4))
     return found[..., 0], found[..., 1:], reason
 
 
-def disks_by_arcs(robot: Robot, name: str, commands: Array) -> Array:
+def disks_by_arcs(robot: Robot, name: str, commands: Floats) -> Floats:
     """Disk centres (n, N, 3) by constant curvature, m; NaN in rows without an arc."""
     shape = (len(robot.disks.station_m), 3)
     return _by_arcs(robot, name, commands, lambda arcs: arcs.disk_positions, shape)[0]
@@ -192,10 +173,10 @@ def disks_by_arcs(robot: Robot, name: str, commands: Array) -> Array:
 def _by_arcs(
     robot: Robot,
     name: str,
-    commands: Array,
-    of: Callable[[RobotArcs], Array],
+    commands: Floats,
+    of: Callable[[RobotArcs], Floats],
     shape: tuple[int, ...],
-) -> tuple[Array, str]:
+) -> tuple[Floats, str]:
     """Values of arcs (n, *shape), NaN in rows without, and the reason of the last such row."""
     out, reason = np.full((len(commands), *shape), math.nan), ""
     good = np.flatnonzero(np.isfinite(commands).all(axis=1))
@@ -252,12 +233,12 @@ class Model:
         """Rod without any effect, except straight spans beside coupled strains."""
         return without(self.main, *acting(self.main))
 
-    def tensions(self, tension: Array) -> Array:
+    def tensions(self, tension: Floats) -> Floats:
         """Tensions of all tendons (n, T), N."""
         return np.asarray(np.outer(tension, self.shares))
 
     @cached_property
-    def linear_bend(self) -> Array:
+    def linear_bend(self) -> Floats:
         """Bend (S, 2) of each segment per N of the sweep by theory Eq. 1.7, rad/N."""
         return linear_bend(self.robot, self.shares)
 
@@ -266,7 +247,7 @@ class Model:
         """Sum of the segments' bends per N of the sweep by the linear law, rad/N."""
         return float(np.linalg.norm(self.linear_bend, axis=1).sum())
 
-    def linear_displacement(self, tension: Array) -> Array:
+    def linear_displacement(self, tension: Floats) -> Floats:
         """Displacement of the actuated tendon (n,), m: theory Eq. 1.3 with the linear bend."""
         last = int(self.robot.tendons.segment[self.tendon])
         holes = self.robot.tendons.mean_hole_m[: last + 1, self.tendon]
@@ -293,7 +274,7 @@ class Model:
         disks = [s.disks for s in self.robot.segments]
         return [d.hole_length or min(d.thickness or 3e-3, spacing) for d in disks]
 
-    def solve(self, rods: Rods, tension: Array, disks: bool = False) -> Sweep:
+    def solve(self, rods: Rods, tension: Floats, disks: bool = False) -> Sweep:
         """Solve the equilibria of a rod along the sweep."""
         return rod.sweep(
             rods.designs.robot,
@@ -303,16 +284,16 @@ class Model:
             disks=disks,
         )
 
-    def constant_curvature(self, name: str, tension: Array, lengths: Array) -> Array:
+    def constant_curvature(self, name: str, tension: Floats, lengths: Floats) -> Floats:
         """Tips (n, 3) by constant curvature of the nominal robot, m; NaN where it has none."""
         commands = self.tensions(tension) if name in FROM_FORCE else lengths
         return points_by_arcs(self.robot, name, commands)[0]
 
     def compare(
         self,
-        tension: Array,
-        tip: Array,
-        lengths: Array,
+        tension: Floats,
+        tip: Floats,
+        lengths: Floats,
         names: Iterable[str] = COMPARISONS,
         against: str = "statics",
     ) -> dict[str, Comparison]:
@@ -323,7 +304,7 @@ class Model:
             out[name] = Comparison(name, against, self.length, ours, ours - tip)
         return out
 
-    def case(self, rods: Rods, tension: Array, names: Sequence[str] = MEANINGS) -> Case:
+    def case(self, rods: Rods, tension: Floats, names: Sequence[str] = MEANINGS) -> Case:
         """Compare constant curvature, by default from lengths and from force, with a rod."""
         try:
             sweep = self.solve(rods, tension)

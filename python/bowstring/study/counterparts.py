@@ -11,8 +11,6 @@ from bowstring.robot.model import check_round
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["Counterpart", "counterparts"]
-
 _SOLID: Final = "run the study with --solid, which needs the extra cad"
 _DATA: Final = "run the study with --measurements FILE, measurements of this robot"
 

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.formatting import in_percent
 from bowstring.study.comparison import short
 from bowstring.study.study import Study
@@ -18,17 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bowstring.study.data_validation import AgainstData
-
-__all__ = [
-    "measured_angles",
-    "measured_comparison",
-    "measured_errors",
-    "measured_parts",
-    "measured_residuals",
-    "measured_tip",
-]
-
-Array = NDArray[np.float64]
 
 _MODEL_LOOKS: Final = {
     "cc_from_force": ("CC from force", "red", "x"),
@@ -218,7 +207,7 @@ def _draw_models(axes: Axes, found: AgainstData, of: str, k: int, *, marked: boo
             )
 
 
-def _by_load(found: AgainstData, values: Array, up: bool) -> tuple[Array, Array]:
+def _by_load(found: AgainstData, values: Floats, up: bool) -> tuple[Floats, Floats]:
     """Means of repeats (n, 3) of loading or unloading over the abscissa (n,), in its order."""
     loads = found.loads
     if not loads.single:  # no means: all rows in their order
@@ -232,7 +221,7 @@ def _by_load(found: AgainstData, values: Array, up: bool) -> tuple[Array, Array]
     return axis[order], (means / np.bincount(place.ravel())[:, None])[order]
 
 
-def _room(axes: Axes, values: Array) -> None:
+def _room(axes: Axes, values: Floats) -> None:
     """Set a range of at least 1 mm, so that noise out of the bending plane is not magnified."""
     low, high = axes.get_ylim()
     if high - low < 1.0:

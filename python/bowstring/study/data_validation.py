@@ -24,8 +24,8 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration import observations
 from bowstring.calibration.bootstrap import (
     LEVEL,
@@ -58,27 +58,6 @@ from bowstring.study.calibration import (
 )
 from bowstring.study.comparison import FROM_FORCE, Theory, poses_by_arcs
 
-__all__ = [
-    "DATA_MODELS",
-    "FRAMES",
-    "SUBJECTS",
-    "Against",
-    "AgainstData",
-    "DataComparison",
-    "Effect",
-    "Loads",
-    "check_measurements",
-    "estimate_in_words",
-    "judge_data",
-    "loads_of",
-    "rows_in_words",
-    "rows_seen",
-    "tip_poses",
-]
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Frame = Literal["calibrated", "as_measured", "own"]
 
 DATA_MODELS: Final = {
@@ -127,7 +106,7 @@ class BaseEstimate(Result):
 class Loads:
     """Commands as abscissa of figures, as groups, and in the order of the bench."""
 
-    axis: Array
+    axis: Floats
     """Abscissa of figures (K,): the command that changes most, or the row number."""
     label: str
     """Label of the abscissa with its unit."""
@@ -176,7 +155,7 @@ class ComparisonIntervals(Intervals):
     """Length of the robot, m."""
 
     @property
-    def mean_share(self) -> Annotated[Array, Key("mean_percent")]:
+    def mean_share(self) -> Annotated[Floats, Key("mean_percent")]:
         """Interval (2,) of the mean error as a share of the length; NaN without rows."""
         return self.mean / self.length
 
@@ -202,7 +181,7 @@ class DataComparison(Comparison):
         return self.frame != "as_measured"
 
     @property
-    def max_by_axis(self) -> Annotated[Array, Key("max_by_axis_mm")]:
+    def max_by_axis(self) -> Annotated[Floats, Key("max_by_axis_mm")]:
         """Largest absolute error along x, y and z (3,), m; NaN without a point."""
         return super().max_by_axis
 
@@ -226,13 +205,13 @@ class Effect(Result):
     """Mean error with this effect and all previous ones, m; NaN without rows."""
     explains: Annotated[float, Key("explains_mm")]
     """Decrease of the mean error by the step, m; negative for an increase; NaN without rows."""
-    explains_interval: Annotated[Array, Key("explains_interval_95_mm")]
+    explains_interval: Annotated[Floats, Key("explains_interval_95_mm")]
     """Its 95 % interval (2,), m; NaN without rows."""
     without: Annotated[float, Key("mean_without_it_alone_mm")]
     """Mean error of the calibrated robot without this effect, m; NaN without rows."""
     increase_without: Annotated[float, Key("increase_without_mm")]
     """Increase of the mean error without this effect, m; NaN without rows."""
-    increase_without_interval: Annotated[Array, Key("increase_without_interval_95_mm")]
+    increase_without_interval: Annotated[Floats, Key("increase_without_interval_95_mm")]
     """Its 95 % interval (2,), m; NaN without rows."""
 
 
@@ -277,7 +256,7 @@ class AgainstData(Against):
     """Common motion from measuring frame to base frame."""
     frame_by: str
     """Model that determined it: ``rod_calibrated``, or another one without calibration."""
-    point: Array
+    point: Floats
     """Measured point in that frame (K, 3), m."""
     comparisons: tuple[DataComparison, ...]
     """Comparisons by model in the order of `DATA_MODELS`, each in the frames of `FRAMES`."""
@@ -588,7 +567,7 @@ def judge_data(
         notes.append(f"No base frame of its own was found for: {listed(without)}.")
 
     gains: dict[str, float] = {}
-    raw: Array | None = None
+    raw: Floats | None = None
     try:
         calibrated = calibrate_arc(robot, data)
         problem = _is_worse(calibrated, points, own, data)
@@ -609,7 +588,7 @@ def judge_data(
     measured = data.tip
     made: list[DataComparison] = []
     for name in (name for name in DATA_MODELS if name in points):
-        placed: dict[Frame, tuple[Array | None, Rigid]] = {
+        placed: dict[Frame, tuple[Floats | None, Rigid]] = {
             "calibrated": (points[name], frame),
             "as_measured": (raw if name == "cc_calibrated" else points[name], Rigid.identity()),
         }
@@ -685,7 +664,7 @@ def _compared(
 
 def _points(
     robot: Robot, data: Measurements, theory: Theory, calibration: StudyCalibration | None
-) -> tuple[dict[str, Array], str, list[str]]:
+) -> tuple[dict[str, Floats], str, list[str]]:
     """Measured point (K, 3) by each model except calibrated CC, m, base frame.
 
     Also the source of the tendon lengths, and reasons for missing models.
@@ -709,14 +688,14 @@ def _points(
 
 def tip_poses(
     robot: Robot, data: Measurements, theory: Theory, calibrated: tuple[Robot, float] | None
-) -> tuple[dict[str, tuple[Array, Array]], str, list[str]]:
+) -> tuple[dict[str, tuple[Floats, Floats]], str, list[str]]:
     """Position (K, 3), m, and rotation (K, 3, 3) of the tip by each model without calibration.
 
     Also the source of the tendon lengths, and reasons for missing models. The calibrated robot,
     with the gain of its commands, has the lengths where none were measured.
     """
     why = []
-    out: dict[str, tuple[Array, Array]] = {}
+    out: dict[str, tuple[Floats, Floats]] = {}
     file = predicted(robot, data, theory)
     if np.any(file.converged):
         out["rod"] = file.tip_position, file.tip_rotation
@@ -754,7 +733,7 @@ def tip_poses(
 
 def _is_worse(
     calibrated: ArcCalibration,
-    points: dict[str, Array],
+    points: dict[str, Floats],
     own: dict[str, Rigid],
     data: Measurements,
 ) -> str:
@@ -779,7 +758,7 @@ def _is_worse(
     )
 
 
-def _own_frame(data: Measurements, points: Array) -> Rigid | None:
+def _own_frame(data: Measurements, points: Floats) -> Rigid | None:
     """Best base frame of a model; None if its rows do not determine one."""
     good = np.isfinite(points).all(axis=1) & data.seen
     try:
@@ -810,7 +789,7 @@ def _decomposition(
     }
     names = [name for name, (_, acts) in effects.items() if acts]
 
-    def difference(on: frozenset[str]) -> Array:
+    def difference(on: frozenset[str]) -> Floats:
         made = full
         if "gravity" not in on:
             made = made.with_({"gravity": [0.0, 0.0, 0.0]})
@@ -851,7 +830,7 @@ def _decomposition(
     }
     tails = [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL]
 
-    def interval(more: frozenset[str], less: frozenset[str]) -> Array:
+    def interval(more: frozenset[str], less: frozenset[str]) -> Floats:
         change = found[less].means - found[more].means
         return np.asarray(np.quantile(change[np.isfinite(change)], tails))
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.study.settings import Settings
 
-__all__ = ["caption_of", "design_axis", "design_map", "has_too_many_disks", "without_map"]
-
 _MOST_DISKS: Final = 60  # most disks of a robot with a map
 _LOADS, _POINTS = 21, 12  # points of the axes
 _NUMBERS: Final = ("pitch_radius", "backbone.diameter", "backbone.E")

@@ -22,10 +22,6 @@ from bowstring.study.first_segment import FirstSegment, first_segment
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["Equation", "SegmentArc", "StudyEquations", "ring_of", "study_equations"]
-
-Array = NDArray[np.float64]
-
 _ELL, _ALPHA = "\N{SCRIPT SMALL L}", "\N{GREEK SMALL LETTER ALPHA}"
 _MOST_TENDONS: Final = 6  # lengths that are written out without a closed form
 

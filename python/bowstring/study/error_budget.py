@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.data.tip_errors import known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import round_down
@@ -28,9 +28,6 @@ from bowstring.validity.effects import EFFECTS, Effect, Rods, with_values
 if TYPE_CHECKING:
     from bowstring.study import budget_rows as schema
 
-__all__ = ["GRAVITY", "SIDES", "Budget", "BudgetRow", "Contribution", "Side", "error_budget"]
-
-Array = NDArray[np.float64]
 Side = Literal["added", "removed", "in_sweep"]
 
 SIDES: Final[dict[Side, str]] = {
@@ -230,7 +227,7 @@ class Budget(Result):
 
 def error_budget(
     model: Model,
-    tension: Array,
+    tension: Floats,
     notify: Callable[[float], None] = lambda share: None,
     calibrated: Robot | None = None,
 ) -> Budget:

@@ -9,18 +9,6 @@ from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.study.ramp_response import has_surface, without_surface
 
-__all__ = [
-    "ANGLE_FIGURES",
-    "BRICKS_IN",
-    "DATA_FIGURES",
-    "FE_FIGURES",
-    "FIGURES",
-    "SOLID_FIGURES",
-    "WITHOUT_SURFACE",
-    "Figure",
-    "captions_without_surface",
-]
-
 
 @dataclass(frozen=True)
 class Figure(Result):

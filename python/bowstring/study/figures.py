@@ -10,8 +10,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.data.tip_errors import known_max
 from bowstring.fem.figures import field, stress_along
 from bowstring.formatting import in_mm
@@ -37,10 +37,6 @@ from bowstring.viz.style import AXES, LIGHT, TINY, WIDTH, legend_above, log_tick
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["draw"]
-
-Array = NDArray[np.float64]
 
 _TENDON_COLOURS: Final = ("red", "blue", "amber", "purple", "green")
 _TENDON_DASHES: Final = ("-", "--", ":", "-.")
@@ -74,7 +70,7 @@ def _tip_against_force(study: Study) -> Figure:
     rising = motion.rising if motion else slice(0)
 
     def draw_on(
-        axes: Axes, name: str, look: tuple[str, str, str], static: Array, over: Array
+        axes: Axes, name: str, look: tuple[str, str, str], static: Floats, over: Floats
     ) -> None:
         """Draw dynamics as a line and statics as markers, joined where there is no dynamics."""
         colour, marker, line = LIGHT[look[0]], look[1], look[2]
@@ -208,8 +204,8 @@ def _configurations(study: Study) -> Figure:
     known = np.flatnonzero(np.all(np.isfinite(g.tip_position), axis=-1))
     shown = known[np.unique(np.linspace(0, len(known) - 1, 5).round().astype(int))]
 
-    points: list[Array] = []
-    tips: list[tuple[Array, Array, str]] = []
+    points: list[Floats] = []
+    tips: list[tuple[Floats, Floats, str]] = []
     for i in shown:
         points += _draw_robot(axes, study, g.backbone[i], g.disk_positions[i], g.disk_rotations[i])
         onward = g.disk_rotations[i, -1][:, 2]
@@ -266,8 +262,8 @@ def _view(height: float) -> tuple[Figure, Any]:
 
 
 def _draw_robot(
-    axes: Any, study: Study, backbone: Array, positions: Array, rotations: Array
-) -> list[Array]:
+    axes: Any, study: Study, backbone: Floats, positions: Floats, rotations: Floats
+) -> list[Floats]:
     """Draw backbone, disks and tendons; return what is drawn, points in mm."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -299,21 +295,21 @@ def _draw_robot(
     return [*rings, backbone * 1e3]
 
 
-def _frame_robots(axes: Any, study: Study, points: Sequence[Array]) -> None:
+def _frame_robots(axes: Any, study: Study, points: Sequence[Floats]) -> None:
     """Fit the axes to what is drawn; the bending plane is seen nearly from the front."""
     _fit_box(axes, np.concatenate(points))
     azimuth = math.degrees(math.atan2(study.towards[1], study.towards[0])) - 65.0
     axes.view_init(elev=20.0, azim=azimuth)
 
 
-def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Array) -> None:
+def _label_tips(axes: Any, tips: Sequence[tuple[Floats, Floats, str]], drawn: Floats) -> None:
     """Label each tip in front of all, at the place beyond it where the text covers least."""
     from mpl_toolkits.mplot3d import proj3d
 
     axes.figure.draw_without_rendering()  # places the axes and their labels
     projection, per_point = axes.get_proj(), 72.0 / axes.figure.dpi
 
-    def on_page(points: Array) -> tuple[Array, Array]:
+    def on_page(points: Floats) -> tuple[Floats, Floats]:
         """In the axes' own two coordinates, and in points (1/72 inch)."""
         flat = np.column_stack(proj3d.proj_transform(*np.atleast_2d(points).T, projection)[:2])
         return flat, axes.transData.transform(flat) * per_point
@@ -352,7 +348,7 @@ def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Arra
         taken = np.concatenate([taken, corners])
 
 
-def _fit_box(axes: Any, points: Array) -> None:
+def _fit_box(axes: Any, points: Floats) -> None:
     """Equal scales along all axes, the box as tight as the robot."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle, size = 0.5 * (low + high), high - low
@@ -400,8 +396,8 @@ def _overlay(study: Study) -> Figure:
 def _magnify_end(
     figure: Figure,
     axes: Axes,
-    paths: Sequence[Array],
-    ends: Array,
+    paths: Sequence[Floats],
+    ends: Floats,
     draw_on: Callable[[Axes], None],
 ) -> None:
     """Magnify the last loads in a corner, if they are close together and a corner is free."""
@@ -474,7 +470,7 @@ def _backbones(study: Study) -> Figure:
     return figure
 
 
-def _in_plane(study: Study, points: Array) -> Array:
+def _in_plane(study: Study, points: Floats) -> Floats:
     """Points (n, 3) in the bending plane (2, n), mm."""
     return np.stack([points @ study.towards, points[:, 2]]) * 1e3
 

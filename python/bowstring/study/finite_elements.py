@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.fem.comparison import RodComparison, compare_with_rod
 from bowstring.fem.run import BrickRun, Settings, sweep
 from bowstring.formatting import in_mm, in_percent, listed
@@ -19,10 +19,6 @@ from bowstring.robot.model import Robot
 if TYPE_CHECKING:
     from bowstring.fem.run import FeStatus
     from bowstring.study.data_validation import AgainstData
-
-__all__ = ["FiniteElements", "at_data", "solve"]
-
-Array = NDArray[np.float64]
 
 _SAME: Final = 1e-9  # relative difference of equal tensions
 _HOLDS: Final = {
@@ -39,13 +35,13 @@ class FiniteElements(Result):
     """The run of CalculiX."""
     comparison: RodComparison
     """Tips and stress of both, finite elements and rod."""
-    tip_position: Annotated[Array, Key("tip_position_mm")]
+    tip_position: Annotated[Floats, Key("tip_position_mm")]
     """Tip (n, 3), m; NaN at loads that were not reached."""
-    tendon_lengths: Annotated[Array, Key("tendon_lengths_mm")]
+    tendon_lengths: Annotated[Floats, Key("tendon_lengths_mm")]
     """Tendon lengths (n, T), m; NaN at loads that were not reached."""
-    apart: Annotated[Array, Key("from_statics_mm")]
+    apart: Annotated[Floats, Key("from_statics_mm")]
     """Distance of the tip from that of statics (n,), m; NaN at loads that were not reached."""
-    measured_point: Annotated[Array | None, Key("measured_point_mm")] = None
+    measured_point: Annotated[Floats | None, Key("measured_point_mm")] = None
     """With measurements: measured point by finite elements (K, 3), m, base frame, interpolated
     between loads; NaN in rows in which another tendon has tension too or the load is not in the
     sweep."""
@@ -62,12 +58,12 @@ class FiniteElements(Result):
         return cast("FeStatus", self.run.status)
 
     @property
-    def middle_stress_ratio(self) -> Annotated[Array, Key()]:
+    def middle_stress_ratio(self) -> Annotated[Floats, Key()]:
         """Stress ratio (n,), ``stress_ratio`` of ``fe``; NaN where it has none."""
         return self.comparison.stress_ratio
 
     @property
-    def concentration(self) -> Annotated[Array, Key()]:
+    def concentration(self) -> Annotated[Floats, Key()]:
         """Stress concentration (n,), as in ``fe``; NaN where it has none."""
         return self.comparison.concentration
 
@@ -152,8 +148,8 @@ class FiniteElements(Result):
 
 def solve(
     robot: Robot,
-    tensions: Array,
-    statics_tip: Array,
+    tensions: Floats,
+    statics_tip: Floats,
     settings: Settings,
     progress: Callable[[float], None] | None = None,
 ) -> FiniteElements:
@@ -186,7 +182,7 @@ def solve(
 
 
 def at_data(
-    found: FiniteElements, tension: Array, shares: Array, data: AgainstData
+    found: FiniteElements, tension: Floats, shares: Floats, data: AgainstData
 ) -> FiniteElements:
     """Compare a sweep with measurements, at rows with only its tendons actuated in its shares.
 

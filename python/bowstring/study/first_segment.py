@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.constant_curvature import RobotArcs
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 
 if TYPE_CHECKING:
     from bowstring.study.study import Study
-
-__all__ = ["FirstSegment", "first_segment"]
-
-Array = NDArray[np.float64]
 
 
 @short_repr
@@ -38,9 +35,9 @@ class FirstSegment:
     """Reason for arcs by the linear law; empty for arcs from the lengths."""
     tendons: NDArray[np.intp]
     """Indices of the tendons anchored to its end disk."""
-    stations: Array
+    stations: Floats
     """Arc lengths of its disks from the base (n,), m."""
-    tip: Array
+    tip: Floats
     """Centre of its end disk by statics (3,), m."""
 
     @property

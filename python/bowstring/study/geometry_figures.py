@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.formatting import in_mm, significant
 from bowstring.study.equations import ring_of
 from bowstring.study.first_segment import FirstSegment, first_segment
@@ -18,10 +18,6 @@ from bowstring.viz.style import LIGHT, WIDTH
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["draw_arc", "draw_module", "draw_spaces"]
-
-Array = NDArray[np.float64]
 
 _ELL, _RHO = "\N{SCRIPT SMALL L}", "\N{GREEK SMALL LETTER RHO}"
 _MM: Final = 1e3
@@ -243,7 +239,7 @@ def draw_module(study: Study) -> Figure:
     turn, size = theta * share, segment.length * share * _MM
     bend = np.array([math.cos(segment.phi), math.sin(segment.phi)])
 
-    def at(s: float) -> tuple[Array, Array, Array]:
+    def at(s: float) -> tuple[Floats, Floats, Floats]:
         """Position, normal and tangent at a share of the module."""
         angle = turn * s
         f = size * s * float(np.sinc(angle / (2 * math.pi)))  # chord
@@ -360,9 +356,9 @@ def _figure(height: float) -> Figure:
     return Figure(figsize=(WIDTH, height))
 
 
-def _holes(study: Study) -> list[tuple[list[int], Array]]:
+def _holes(study: Study) -> list[tuple[list[int], Floats]]:
     """Places of the holes in the first segment's disks (m), each with its tendons from 0."""
-    out: list[tuple[list[int], Array]] = []
+    out: list[tuple[list[int], Floats]] = []
     for t, hole in enumerate(study.robot.tendons.hole_m):
         same = next((names for names, at in out if np.linalg.norm(at - hole) < 1e-9), None)
         if same is None:
@@ -383,7 +379,7 @@ def _pitch_radii(study: Study) -> str:
     return f"pitch radii\n{in_mm(radii[0])} to {in_mm(radii[-1])}"
 
 
-def _arrow(axes: Axes, start: Array, end: Array, colour: str, wide: bool = False) -> None:
+def _arrow(axes: Axes, start: Floats, end: Floats, colour: str, wide: bool = False) -> None:
     axes.plot(*np.stack([start, end], axis=1), linestyle="none")  # for the limits of the axes
     axes.annotate(
         "",
@@ -400,7 +396,7 @@ def _arrow(axes: Axes, start: Array, end: Array, colour: str, wide: bool = False
 
 
 def _write(
-    axes: Axes, place: Array, text: str, shift: Sequence[float], colour: str = "ink"
+    axes: Axes, place: Floats, text: str, shift: Sequence[float], colour: str = "ink"
 ) -> None:
     axes.annotate(
         text,

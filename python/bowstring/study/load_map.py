@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.formatting import in_percent, listed, significant
 from bowstring.statics.load import Load
@@ -25,17 +25,6 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.study.comparison import Model
     from bowstring.study.settings import Settings
-
-__all__ = [
-    "LOAD_AXES",
-    "caption_of_loads",
-    "check_load_axis",
-    "load_map",
-    "load_sentence",
-    "load_text",
-]
-
-Floats = NDArray[np.float64]
 
 LOAD_AXES: Final = ("payload", "tilt", "tip_force", "tip_force.x", "gravity.x")
 """Kinds of the second axis of this map."""

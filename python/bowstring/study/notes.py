@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
-__all__ = ["PublishedClaim", "claim_of", "notes_of"]
-
 
 @dataclass(frozen=True)
 class PublishedClaim(Result):

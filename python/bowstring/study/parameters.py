@@ -20,8 +20,6 @@ from bowstring.units import Quantity, Share, number_with_unit, rounded
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["DEFAULT", "DERIVED", "GIVEN", "AssumedValue", "Parameter", "assumed", "parameters"]
-
 GIVEN: Final = "robot file"
 DEFAULT: Final = "left out of the file"
 DERIVED: Final = "follows"

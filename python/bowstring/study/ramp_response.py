@@ -15,8 +15,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.data.tip_errors import known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.dynamics import simulation
@@ -32,20 +32,6 @@ from bowstring.study.comparison import Model
 
 if TYPE_CHECKING:
     from bowstring.dynamics.simulation import Status
-
-__all__ = [
-    "MODAL_DAMPING",
-    "Surface",
-    "Transient",
-    "check_rise",
-    "has_surface",
-    "slowest_frequency",
-    "surface_at_rest",
-    "transient",
-    "without_surface",
-]
-
-Array = NDArray[np.float64]
 
 MODAL_DAMPING: Final = 0.05
 """Default modal damping ratio."""
@@ -67,13 +53,13 @@ _SAME: Final = 1e-4  # difference of equal tips over length; lumped masses cause
 class Surface(Result):
     """Largest stress and strain on the surface of the whole backbone, by load or time."""
 
-    von_mises: Annotated[Array, Key("von_mises_max_MPa")]
+    von_mises: Annotated[Floats, Key("von_mises_max_MPa")]
     """Von Mises stress (K,), Pa; NaN where not computed."""
-    normal_stress: Annotated[Array, Key("normal_stress_max_MPa")]
+    normal_stress: Annotated[Floats, Key("normal_stress_max_MPa")]
     """Magnitude of normal stress (K,), Pa; NaN where not computed."""
-    strain: Annotated[Array, Key("strain_max_percent")]
+    strain: Annotated[Floats, Key("strain_max_percent")]
     """Magnitude of axial strain by bending and extension (K,); NaN where not computed."""
-    by_segment: Array
+    by_segment: Floats
     """Largest von Mises stress (Pa) and strain of each segment (2, K, S)."""
 
 
@@ -102,19 +88,19 @@ class Transient(Result):
     """Status as in ``simulate``: ``"converged"``, or why the motion stopped early."""
     reason: Annotated[str, Key()]
     """Reason if it stopped early."""
-    time: Annotated[Array, Key("time_s")]
+    time: Annotated[Floats, Key("time_s")]
     """Time (K,), s."""
-    tension: Annotated[Array, Key("tension_N")]
+    tension: Annotated[Floats, Key("tension_N")]
     """Tension of the actuated tendon (K,), N."""
-    tip_position: Annotated[Array, Key("tip_position_mm")]
+    tip_position: Annotated[Floats, Key("tip_position_mm")]
     """Tip (K, 3), m."""
     surface: Annotated[Surface, Key(flat=True)]
     """Largest stress and strain at each time (K,)."""
-    static_tip: Array
+    static_tip: Floats
     """Tip by statics at the same tension (K, 3), m; NaN without equilibrium."""
-    load_tip: Array
+    load_tip: Floats
     """Tip at the loads of the study (n, 3), m; NaN where not reached."""
-    load_lengths: Array
+    load_lengths: Floats
     """Tendon lengths at the loads of the study (n, T), m."""
     peak: tuple[float, float] | None
     """Time (s) and size (m) of the overshoot: largest distance of the tip beyond the static tip
@@ -126,17 +112,17 @@ class Transient(Result):
         return self.status == "converged"
 
     @property
-    def displacement(self) -> Annotated[Array, Key("tip_displacement_mm")]:
+    def displacement(self) -> Annotated[Floats, Key("tip_displacement_mm")]:
         """Displacement of the tip since the start (K,), m."""
         return np.asarray(np.linalg.norm(self.tip_position - self.tip_position[0], axis=-1))
 
     @cached_property
-    def difference(self) -> Array:
+    def difference(self) -> Floats:
         """Distance of the tip from statics (K,), m."""
         return np.asarray(np.linalg.norm(self.tip_position - self.static_tip, axis=-1))
 
     @property
-    def rising(self) -> NDArray[np.bool_]:
+    def rising(self) -> Bools:
         """Output times before the hold (K,)."""
         return self.time <= self.rise * (1 + 1e-9)
 
@@ -276,7 +262,7 @@ def check_rise(robot: Robot, rise: float, frequency: float) -> None:
 
 def transient(
     model: Model,
-    tension: Array,
+    tension: Floats,
     frequency: float,
     rise: float | None = None,
     modal_damping: float = MODAL_DAMPING,
@@ -361,7 +347,7 @@ def transient(
     )
 
 
-def _peak(run: simulation.Run, still: Array, rise: float) -> tuple[float, float] | None:
+def _peak(run: simulation.Run, still: Floats, rise: float) -> tuple[float, float] | None:
     """Time and size of the largest distance beyond the last static tip along the static path."""
     if run.end <= rise or len(still) < 2 or not np.isfinite(still[-2:]).all():
         return None
@@ -375,7 +361,7 @@ def _peak(run: simulation.Run, still: Array, rise: float) -> tuple[float, float]
     return float(times[at]), max(float(beyond[at]), 0.0)
 
 
-def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
+def surface_at_rest(model: Model, tension: Floats, tip: Floats) -> Surface:
     """Stress and strain of equilibria.
 
     Parameters
@@ -401,7 +387,7 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
     return Surface(von_mises, normal, strain, by_segment)
 
 
-def _frames_at_rest(model: Model, tensions: Array, tip: Array) -> fields.Frames | None:
+def _frames_at_rest(model: Model, tensions: Floats, tip: Floats) -> fields.Frames | None:
     """Fields of the equilibrium with a given tip, with the fewest elements that reproduce it."""
     main = model.main
     for elements in _ELEMENTS:
@@ -432,7 +418,7 @@ def _surface(model: Model, frames: fields.Frames) -> Surface:
     )
 
 
-def _largest(values: Array) -> Array:
+def _largest(values: Floats) -> Floats:
     """Largest known value of each row (K, ...); NaN without any."""
     known = np.where(np.isnan(values), -math.inf, values).max(axis=1)
     return np.where(np.isfinite(known), known, math.nan)

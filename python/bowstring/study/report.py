@@ -8,13 +8,14 @@ write is never touched.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from typing_extensions import NotRequired
 
+from bowstring.aliases import Progress
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import file_stem, write_whole
 from bowstring.files.json_files import Content, read_json, structured
@@ -40,10 +41,6 @@ if TYPE_CHECKING:
 
     from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
-
-__all__ = ["default_folder", "refuse_other_robot", "write", "written_figures"]
-
-Progress = Callable[[str, float], None]
 
 _MOST_BYTES: Final = 1_000_000_000
 

@@ -6,18 +6,14 @@ import json
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.display import some
 from bowstring.errors import BowstringError
 from bowstring.study.comparison import FROM_FORCE, MEANINGS, arcs_of
 
 if TYPE_CHECKING:
     from bowstring.study.study import Study
-
-__all__ = ["scene", "scene_text"]
-
-Array = NDArray[np.float64]
 
 _MOST_LOADS: Final = 60
 _MOST_DISKS: Final = 120
@@ -61,7 +57,7 @@ def scene(study: Study) -> dict[str, Any] | None:
     }
 
 
-def _tendons(study: Study, position: Array, rotation: Array) -> list[Any]:
+def _tendons(study: Study, position: Floats, rotation: Floats) -> list[Any]:
     """Points of each tendon (mm) at each load; empty for a robot with very many holes."""
     robot = study.robot
     if len(robot.tendons.segment) * position.shape[1] > _MOST_HOLES:
@@ -70,7 +66,7 @@ def _tendons(study: Study, position: Array, rotation: Array) -> list[Any]:
     return [[_rounded(path[k] * 1e3, 2) for path in paths] for k in range(len(position))]
 
 
-def _model(study: Study, name: str, rows: NDArray[np.int64]) -> dict[str, Any]:
+def _model(study: Study, name: str, rows: Ints) -> dict[str, Any]:
     """Backbones (mm) and tip errors (mm) of a model of constant curvature; null without an arc."""
     model, statics = study.model, study.statics
     commands = model.tensions(statics.tension) if name in FROM_FORCE else statics.tendon_lengths

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from bowstring.aliases import Progress
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.robot.model import Robot, check_disks, check_robot, check_tendons, without_laws
 from bowstring.statics.model import RodModel
@@ -59,10 +60,6 @@ from bowstring.validity.spread import Spread, assumed_distributions, sampled
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
-
-__all__ = ["as_measurements", "dynamics_of", "run_study", "settings_of"]
-
-Progress = Callable[[str, float], None]
 
 _ON_MATRIX: Final = (
     "The uncertain numbers leave out the stiffness matrix: its entries take no distributions.",

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from bowstring.fem.run import Settings as FeSettings
     from bowstring.uncertainty import Distributions
 
-__all__ = ["Extras", "Ramp", "Settings"]
-
 
 @dataclass(frozen=True)
 class Ramp:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring.constant_curvature.curvature_models import polyline_curvature
 from bowstring.study.comparison import LABELS, short
@@ -16,10 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bowstring.study.study import Study
-
-__all__ = ["draw_shapes"]
-
-Array = NDArray[np.float64]
 
 _LOOKS: Final = {
     "cc_from_lengths": ("blue", "-.", ""),

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.constant_curvature import (
     RobotArcs,
     VariableCurvature,
@@ -40,9 +40,6 @@ from bowstring.study.design_map import has_too_many_disks
 if TYPE_CHECKING:
     from bowstring.study.sweeps import Statics
 
-__all__ = ["ShapeModel", "ShapeModels", "compare_shapes"]
-
-Array = NDArray[np.float64]
 Kind = Literal["constant_curvature", "fit", "prediction"]
 
 _COMMON: Final[Kind] = "constant_curvature"
@@ -83,9 +80,9 @@ class ShapeModel(Result):
     """Degree of the curvature in arc length: 0 where it is constant."""
     comparison: Comparison
     """Tips."""
-    shape: Array
+    shape: Floats
     """RMS (n,) over the disks of their distance from statics, m."""
-    largest: Array
+    largest: Floats
     """Largest distance (n,) of a disk from statics, m."""
 
     @property
@@ -182,7 +179,7 @@ def compare_shapes(
     return ShapeModels(tuple(out), curves, tuple(without))
 
 
-def _over_disks(away: Array) -> tuple[Array, Array]:
+def _over_disks(away: Floats) -> tuple[Floats, Floats]:
     """RMS and largest distance (n,) of disks, from their differences (n, N, 3)."""
     distance = np.linalg.norm(away, axis=-1)
     return np.sqrt(np.mean(distance**2, axis=-1)), distance.max(axis=-1)

@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import BowstringError
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
 from bowstring.study.comparison import FROM_FORCE, MEANINGS, arcs_of
 from bowstring.study.study import Study
-
-__all__ = ["Backbones", "Shape", "backbones"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -24,11 +20,11 @@ class Shape:
 
     name: str
     """Name: ``"statics"``, or that of a comparison."""
-    backbone: Array
+    backbone: Floats
     """Points from base to tip (p, 3), m."""
-    disks: Array
+    disks: Floats
     """Centres of the disks (N, 3), m."""
-    from_statics: Array
+    from_statics: Floats
     """Distance of each disk from the same disk by statics (N,), m."""
 
 

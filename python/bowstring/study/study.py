@@ -49,8 +49,6 @@ if TYPE_CHECKING:
     from bowstring.study.data_validation import AgainstData
     from bowstring.study.finite_elements import FiniteElements
 
-__all__ = ["SCHEMA_VERSION", "Study"]
-
 SCHEMA_VERSION: Final = 1
 
 

@@ -21,8 +21,6 @@ from bowstring.study.study import Study
 from bowstring.study.verdict import Meaning, corrections
 from bowstring.validity.errors import LABELS
 
-__all__ = ["COLUMNS", "Summary", "summarise"]
-
 COLUMNS: Final = ("CC from", "valid to", "mean error", "mean, corrected", "largest error", "at")
 """Columns of the table; the corrected error is the mean with the correction in closed form."""
 

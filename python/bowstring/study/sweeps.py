@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.constant_curvature import RobotArcs
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
@@ -23,10 +23,6 @@ from bowstring.validity.loading import MAX_BEND, TRIED, turned
 if TYPE_CHECKING:
     from bowstring.statics.messages import StaticsStatus
 
-__all__ = ["GeometricSweep", "Statics", "arc_scale_of", "geometric_sweep", "static_sweep"]
-
-Array = NDArray[np.float64]
-
 _BACKBONE_POINTS: Final = 25  # points per segment
 
 
@@ -35,19 +31,19 @@ _BACKBONE_POINTS: Final = 25  # points per segment
 class GeometricSweep(Result):
     """Geometric sweep of the source study: constant curvature without mechanics."""
 
-    displacement: Annotated[Array, Key("displacement_mm")]
+    displacement: Annotated[Floats, Key("displacement_mm")]
     """Displacement of the actuated tendon (n,), m."""
-    tendon_lengths: Array
+    tendon_lengths: Floats
     """Tendon lengths (n, T), m."""
-    theta: Annotated[Array, Key("theta_deg")]
+    theta: Annotated[Floats, Key("theta_deg")]
     """Bend angles by displacement and segment (n, S), rad."""
-    tip_position: Annotated[Array, Key("tip_position_mm")]
+    tip_position: Annotated[Floats, Key("tip_position_mm")]
     """Tip (n, 3), m."""
-    disk_positions: Array
+    disk_positions: Floats
     """Positions of the disks (n, N, 3), m."""
-    disk_rotations: Array
+    disk_rotations: Floats
     """Rotations of the disks (n, N, 3, 3)."""
-    backbone: Array
+    backbone: Floats
     """Points along the backbone from the base (n, P, 3), m."""
     scale: float = 1.0
     """Share of the sweep's tensions from which the linear law gives these arcs; 1 without
@@ -59,24 +55,24 @@ class GeometricSweep(Result):
 class Statics(Result):
     """Sweep by straight-span statics."""
 
-    tension: Annotated[Array, Key("tension_N")]
+    tension: Annotated[Floats, Key("tension_N")]
     """Tension of the actuated tendon (n,), N; the others have their shares of it."""
     status: Annotated[tuple[StaticsStatus, ...], Key()]
     """Status at each load, as of ``solve``: ``"converged"``, or the reason of failure."""
-    converged: NDArray[np.bool_]
+    converged: Bools
     """Whether each load converged (n,)."""
-    tip_position: Annotated[Array, Key("tip_position_mm")]
+    tip_position: Annotated[Floats, Key("tip_position_mm")]
     """Tip (n, 3), m; NaN where not converged."""
-    disk_positions: Array
+    disk_positions: Floats
     """Positions of the disks (n, N, 3), m."""
-    disk_rotations: Array
+    disk_rotations: Floats
     """Their rotations (n, N, 3, 3), disk frame to base frame."""
-    tendon_lengths: Annotated[Array, Key("tendon_lengths_mm")]
+    tendon_lengths: Annotated[Floats, Key("tendon_lengths_mm")]
     """Tendon lengths (n, T), m; NaN where not converged."""
-    displacement: Annotated[Array, Key("displacement_mm")]
+    displacement: Annotated[Floats, Key("displacement_mm")]
     """Displacement l0 - l of the actuated tendon (n,), l0 with the straight backbone, m; NaN where
     not converged."""
-    linear_displacement: Annotated[Array, Key("linear_displacement_mm")]
+    linear_displacement: Annotated[Floats, Key("linear_displacement_mm")]
     """Displacement by the linear law (n,), m; NaN where it has none."""
     surface: Annotated[Surface, Key(flat=True)]
     """Largest stress and strain (n,)."""
@@ -128,7 +124,7 @@ def geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     )
 
 
-def displacement_of(model: Model, lengths: Array) -> Array:
+def displacement_of(model: Model, lengths: Floats) -> Floats:
     """Displacement of the actuated tendon from the straight backbone (n,), m."""
     end = model.robot.tendons.end_disk[model.tendon]
     return np.asarray(model.robot.disks.station_m[end] - lengths[:, model.tendon])

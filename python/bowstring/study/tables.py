@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.data.tip_errors import Comparison
 from bowstring.study.actuation_budget import COMMANDED
 from bowstring.study.comparison import MEANINGS
@@ -22,12 +22,9 @@ if TYPE_CHECKING:
     from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
-__all__ = ["simulated", "study_tables", "write_csv"]
-
 Cell = str | float | int | None
 
 Table = tuple[str, list[str], list[Sequence[Cell]]]
-Array = NDArray[np.float64]
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> None:
@@ -168,7 +165,7 @@ def _table(name: str, *columns: tuple[str | Sequence[str], Any]) -> Table:
     return name, header, list(zip(*cells, strict=True))
 
 
-def _by_disk(name: str, load: str, loads: Array, disks: Array) -> Table:
+def _by_disk(name: str, load: str, loads: Floats, disks: Floats) -> Table:
     """Make a table of disk positions (n, N, 3), a row for each disk at each load."""
     count = disks.shape[1]
     return _table(
@@ -254,7 +251,7 @@ def _angle_tables(found: AgainstAngles) -> Iterable[Table]:
     )
 
 
-def _commands(data: Measurements) -> Iterable[tuple[list[str], Array]]:
+def _commands(data: Measurements) -> Iterable[tuple[list[str], Floats]]:
     """Names and columns of the tensions and displacements of the data."""
     by_tension, by_displacement = _of(data.tensions), _of(data.displacements)
     yield [f"tension_{t + 1}_N" for t in by_tension], data.tensions[:, by_tension]
@@ -262,7 +259,7 @@ def _commands(data: Measurements) -> Iterable[tuple[list[str], Array]]:
     yield names, data.displacements[:, by_displacement] * 1e3
 
 
-def _of(commands: Array) -> list[int]:
+def _of(commands: Floats) -> list[int]:
     """Indices of tendons with these commands."""
     return [int(t) for t in np.flatnonzero(~np.isnan(commands).all(axis=0))]
 

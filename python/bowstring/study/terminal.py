@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from bowstring.study.angle_validation import AgainstAngles
     from bowstring.study.data_validation import AgainstData
 
-__all__ = ["print_study"]
-
 _SIDES: Final[dict[Side, str]] = {"in_sweep": "this sweep", "removed": "full model"}
 """References of the contributions in the terminal."""
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.data.tip_errors import Comparison, known_max
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_newtons, in_percent, listed, significant
@@ -27,20 +27,6 @@ from bowstring.study.correction_polynomial import (
 from bowstring.study.error_budget import Budget
 from bowstring.validity.contour import runs
 from bowstring.validity.effects import DOMINANT, EFFECTS, Rods, acting, without
-
-__all__ = [
-    "Correction",
-    "Meaning",
-    "Range",
-    "Share",
-    "Verdict",
-    "corrections",
-    "how_far",
-    "judge",
-    "shares_of",
-]
-
-Array = NDArray[np.float64]
 
 _FINE_POINTS: Final = 401  # loads of the fine sweep
 _BISECTIONS: Final = 40
@@ -156,9 +142,9 @@ class Verdict(Result):
     """Tolerated tip error, m."""
     meanings: Annotated[tuple[Meaning, ...], Key()]
     """Verdicts from lengths and from force."""
-    fine_tension: Array
+    fine_tension: Floats
     """Tensions of the fine sweep (n,), N."""
-    fine_error: dict[str, Array]
+    fine_error: dict[str, Floats]
     """Errors on the fine sweep, m."""
     text: Annotated[tuple[str, ...], Key()]
     """Verdict, corrections, variable curvature and effects outside the sweep in sentences."""
@@ -227,7 +213,7 @@ def judge(
     )
 
 
-def _range(model: Model, name: str, case: Case, tension: Array, limit: float) -> Range:
+def _range(model: Model, name: str, case: Case, tension: Floats, limit: float) -> Range:
     """Search where the error of a comparison is at most `limit`, m."""
     error = case.error(name)
     known = np.isfinite(error)
@@ -266,7 +252,7 @@ def _range(model: Model, name: str, case: Case, tension: Array, limit: float) ->
     )
 
 
-def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: float) -> Meaning:
+def _meaning(model: Model, name: str, case: Case, tension: Floats, tolerance: float) -> Meaning:
     limit = tolerance * model.length
     found = _range(model, name, case, tension, limit)
     error = case.error(name)
@@ -496,7 +482,7 @@ def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
     return [f"Corrections in closed form: {'; '.join(parts)}."] if parts else []
 
 
-def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float) -> list[str]:
+def _on_friction(budget: Budget, tension: Floats, tolerance: float, length: float) -> list[str]:
     """Loads at which the file's own friction, outside the main sweep, violates the tolerance."""
     if budget.actuation.friction_assumed:
         return []

@@ -14,8 +14,6 @@ from bowstring.viz.style import LIGHT, WIDTH
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw_set"]
-
 _COLOURS: Final = {
     "constant_curvature": "blue",
     "arcs": "blue",

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from bowstring.aliases import Floats
 
 __all__ = ["METRICS", "Metric", "Observable"]
 
-Floats = NDArray[np.float64]
 Observable = Literal["tip", "markers", "bend", "shape"]
 
 _MM: Final = ("mm", 1e-3)

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Bools, Floats
 from bowstring.calibration import fitting, observations
 from bowstring.calibration.filtering import filtered, fit_slow_bias
 from bowstring.calibration.fitting import Fit
@@ -31,11 +32,6 @@ from bowstring.statics.rod import solve_batch, sweep
 from bowstring.suite.metrics import Observable
 from bowstring.suite.protocol import Model, SuiteSet, marker_disk
 from bowstring.suite.tables import Table, rows_of
-
-__all__ = ["Fitted", "arcs_of_shapes", "errors_of", "fitted", "observed"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _DIFFERENCE: Final = 1e-3  # step of differences over the natural step of a parameter
 

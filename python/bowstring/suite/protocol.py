@@ -29,19 +29,6 @@ from bowstring.suite.metrics import METRICS, Metric
 from bowstring.suite.tables import READERS, Table
 from bowstring.units import Count, Quantity, Text, printable, quote, read_number, wrong
 
-__all__ = [
-    "COLUMNS",
-    "Figure",
-    "Marker",
-    "Model",
-    "Protocol",
-    "SuiteSet",
-    "built_in_sets",
-    "marker_disk",
-    "read_set",
-    "sets_in",
-]
-
 _BUILT_IN: Final = Path(__file__).with_name("sets")
 _ROBOT: Final = "robot.yaml"
 _MAPPING: Final = "mapping.yaml"

@@ -5,16 +5,16 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 import bowstring._core as _core
+from bowstring.aliases import Floats, Progress
 from bowstring.calibration.observations import numbered
 from bowstring.data.columns import Source
 from bowstring.errors import BowstringError, InputError
@@ -25,11 +25,6 @@ from bowstring.results import Key, Result
 from bowstring.suite.prediction import Fitted, arcs_of_shapes, errors_of, fitted, observed
 from bowstring.suite.protocol import Column, Figure, Model, SuiteSet
 from bowstring.suite.tables import Table
-
-__all__ = ["ModelResult", "SetResult", "SuiteScore", "run_set"]
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 _FORM: Final = 1  # version of the kept results
 _MOST_KEPT: Final = 10_000_000  # bytes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from bowstring.aliases import Progress
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import write_whole
 from bowstring.files.result_folder import check_folder, write_listing
@@ -18,10 +19,6 @@ from bowstring.results import Key, Result
 from bowstring.suite.protocol import built_in_sets, read_set, sets_in
 from bowstring.suite.running import SetResult, run_set
 from bowstring.units import quote
-
-__all__ = ["Suite", "run_suite", "write_suite"]
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,6 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 
-__all__ = ["READERS", "Table", "rows_of"]
-
-Floats = NDArray[np.float64]
-
 #: Loads that the tables of a set have by row.
 _BY_ROW: Final = ("tensions", "displacements", "gravity", "disk_forces", "disk_moments")
 

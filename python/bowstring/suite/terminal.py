@@ -14,8 +14,6 @@ from bowstring.suite.summary import Suite
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["HEADER", "print_suite", "table_rows"]
-
 HEADER: Final = ("set, metric", "kind", "rows", *COLUMNS.values(), "authors", "learner")
 """Header of the table."""
 _NONE: Final = "\N{EN DASH}"

@@ -7,19 +7,15 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.files.json_files import Content, read_json, structured
 from bowstring.robot.safe_yaml import reading
 from bowstring.uncertainty.paths import LOADS, NumberAtPath, NumbersByPath
 from bowstring.units import printable
 from bowstring.validation import numbers, shown
-
-__all__ = ["CALIBRATION", "read_calibration"]
-
-Floats = NDArray[np.float64]
 
 #: Key of the distributions, and name of the factor.
 CALIBRATION: Final = "calibration"

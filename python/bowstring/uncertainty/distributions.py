@@ -12,22 +12,11 @@ from functools import cached_property
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.validation import number, numbers, shown
-
-__all__ = [
-    "CorrelatedNormal",
-    "Distribution",
-    "LogNormal",
-    "Normal",
-    "Triangular",
-    "TruncatedNormal",
-    "Uniform",
-]
-
-Floats = NDArray[np.float64]
 
 #: Least share of a normal distribution that a truncation may keep.
 _LEAST_SHARE: Final = 0.01

@@ -13,23 +13,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.optional import load_extra
 from bowstring.uncertainty.sampling import MorrisDesign, SaltelliDesign
 from bowstring.validation import read, shown, whole
-
-__all__ = [
-    "IntervalEstimate",
-    "MorrisEffects",
-    "SobolIndices",
-    "checked_confidence",
-    "checked_outputs",
-    "morris_effects",
-    "sobol_indices",
-]
-
-Floats = NDArray[np.float64]
 
 #: Numbers of a chunk of resamples: 16 MB.
 _CHUNK: Final = 2**21
@@ -172,7 +161,7 @@ def sobol_indices(
     single = found.ndim == 1
     # (m, width, n), a copy that may change
     table: Floats = np.array(found.reshape(design.count, design.width, -1).transpose(2, 1, 0))
-    has_result: NDArray[np.bool_] = np.asarray(np.isfinite(table).all(axis=1))
+    has_result: Bools = np.asarray(np.isfinite(table).all(axis=1))
     points = has_result.sum(axis=1)
     if (points < min(_LEAST_POINTS, design.count)).any():
         raise NoSolutionError(
@@ -202,7 +191,7 @@ def sobol_indices(
     )
 
 
-def _standardise(table: Floats, has_result: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _standardise(table: Floats, has_result: Bools) -> Bools:
     """Standardise outputs by A and B; return which outputs vary.
 
     Base points without all results become zero. Zeros add nothing to any sum in the estimators,
@@ -249,7 +238,7 @@ def _pairs(count: int) -> list[tuple[int, int]]:
 
 def _percentiles(
     table: Floats,
-    has_result: NDArray[np.bool_],
+    has_result: Bools,
     count: int,
     resampling: tuple[int, float],
     rng: np.random.Generator,
@@ -279,9 +268,7 @@ def _percentiles(
     return low, high
 
 
-def _terms(
-    rows: Floats, kept: NDArray[np.bool_], count: int, pairs: list[tuple[int, int]]
-) -> Floats:
+def _terms(rows: Floats, kept: Bools, count: int, pairs: list[tuple[int, int]]) -> Floats:
     a, b, ab, ba = rows[0], rows[1], rows[2 : 2 + count], rows[2 + count :]
     products = [ba[i] * ab[j] - a * b for i, j in pairs]
     return np.stack(
@@ -362,7 +349,7 @@ def morris_effects(
 
     single = found.ndim == 1
     table = found.reshape(design.trajectories, -1, 1 if single else found.shape[1])
-    has_result: NDArray[np.bool_] = np.asarray(np.isfinite(table).all(axis=1))
+    has_result: Bools = np.asarray(np.isfinite(table).all(axis=1))
     kept = has_result.sum(axis=0)
     if (kept < min(_LEAST_TRAJECTORIES, design.trajectories)).any():
         raise NoSolutionError(

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.aliases import Floats
 from bowstring.display import html_table, short_repr
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
@@ -29,10 +30,6 @@ from bowstring.uncertainty.distributions import (
 from bowstring.uncertainty.paths import NumberAtPath, NumbersByPath
 from bowstring.units import printable, quote
 from bowstring.validation import shown
-
-__all__ = ["LEAST_PROBABILITY", "Distributions", "read_distributions"]
-
-Floats = NDArray[np.float64]
 
 #: Probability of the outermost samples: half a step of the 30 bits of a Sobol' sequence.
 LEAST_PROBABILITY: Final = 2.0**-31

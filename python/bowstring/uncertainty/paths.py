@@ -15,8 +15,6 @@ from bowstring.robot.paths import example_path, find, no_such
 from bowstring.robot.stiffness import entry_of
 from bowstring.units import has_no_unit, quote, read_number, rounded, unit_of_size
 
-__all__ = ["LOADS", "NumberAtPath", "NumbersByPath"]
-
 #: Actuation and loads at the tip: SI unit, usual unit, least value, members.
 LOADS: Final = {
     "tensions": ("N", "N", 0.0, None),

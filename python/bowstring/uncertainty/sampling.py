@@ -12,17 +12,13 @@ from functools import cached_property
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.optional import load_extra
 from bowstring.uncertainty.joint import LEAST_PROBABILITY, Distributions
 from bowstring.validation import is_whole, shown, whole
-
-__all__ = ["Design", "MorrisDesign", "SaltelliDesign", "SobolSample", "evaluate"]
-
-Floats = NDArray[np.float64]
 
 _MOST_ROWS: Final = 10**9
 _MOST_POINTS: Final = 2**26
@@ -151,7 +147,7 @@ class SaltelliDesign:
         return slice(0, None, self.width)
 
     @cached_property
-    def _from_b(self) -> NDArray[np.bool_]:
+    def _from_b(self) -> Bools:
         """Columns that come from B, by row of a base point (width, k)."""
         factor_of = self.distributions.factor_of
         swapped = factor_of == np.arange(len(self.distributions.factors))[:, None]

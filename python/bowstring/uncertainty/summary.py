@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import significant
@@ -19,10 +20,6 @@ from bowstring.uncertainty.indices import (
     checked_confidence,
 )
 from bowstring.validation import read, shown
-
-__all__ = ["Summary", "spread_text", "summarise"]
-
-Floats = NDArray[np.float64]
 
 _QUANTILES: Final = (0.025, 0.5, 0.975)
 _LEAST: Final = 32  # samples

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.robot.fields import quantity_of
 from bowstring.robot.messages import units_of_field
@@ -18,10 +18,6 @@ from bowstring.robot.paths import find, full_paths, numbers_of
 from bowstring.robot.stiffness import entry_of, mirrored
 from bowstring.units import NUMBER, has_no_unit, quote, read_number
 from bowstring.validation import shown
-
-__all__ = ["BY_DISPLACEMENT", "LOADS", "MOST_POINTS", "RAMPS", "Axis", "axes_of", "read_axis"]
-
-Floats = NDArray[np.float64]
 
 LOADS: Final = {
     "tension": ("N", "N", "tension of the sweep"),

@@ -8,12 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.validity.effects import DOMINANT
 from bowstring.validity.map_settings import MapSettings
-
-__all__ = ["causes_of", "coarse_step", "coarser", "main_cause"]
-
-Floats = NDArray[np.float64]
 
 _ROUNDING: Final = 1e-9  # metric below numerical resolution
 _MOST_CAUSES: Final = 1681  # points at which the causes are computed: 41 x 41

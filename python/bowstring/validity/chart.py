@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring import validation
+from bowstring.aliases import Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_newtons, in_percent, significant
@@ -25,10 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bowstring.robot.model import Robot
-
-__all__ = ["TOLERANCES", "Limit", "ValidityChart", "validity_chart"]
-
-Array = NDArray[np.float64]
 
 TOLERANCES: Final = (0.005, 0.05)
 """Range of tolerances in which the chart is tested."""
@@ -88,9 +84,9 @@ class ValidityChart:
     """Groups of the robot."""
     limits: tuple[Limit, ...]
     """Limits of the models; empty without a robot."""
-    linear_bend: Array
+    linear_bend: Floats
     """Bend by the linear law (n,) from zero to the end of the chart, rad."""
-    tip_error: dict[str, Array] = field(repr=False)
+    tip_error: dict[str, Floats] = field(repr=False)
     """Predicted tip errors (n,) over the length, by model."""
 
     def __getitem__(self, name: str) -> Limit:
@@ -210,7 +206,7 @@ def _limit(
     return replace(limit, reliable=reliable, text=_in_words(limit, tolerance, outside))
 
 
-def _crossing(bend: Array, error: Array, tolerance: float) -> tuple[float, bool]:
+def _crossing(bend: Floats, error: Floats, tolerance: float) -> tuple[float, bool]:
     """First crossing of the tolerance, and whether the error never reaches it."""
     above = error > tolerance
     if not above.any():

@@ -13,24 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.validity.chart_groups import Groups
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
-
-__all__ = [
-    "MODELS",
-    "TABLE",
-    "ChartErrors",
-    "Response",
-    "chart_errors",
-    "largest_bend",
-    "monomials",
-]
-
-Array = NDArray[np.float64]
 
 MODELS: Final = (
     "cc_from_lengths",
@@ -59,13 +47,13 @@ _UNCERTAINTY_OF_BEND: Final = 0.002
 class ChartErrors:
     """Tip errors over the length along a ramp of tension."""
 
-    linear_bend: Array
+    linear_bend: Floats
     """Bend angle of the linear law (n,), rad: the tension."""
-    bend: Array
+    bend: Floats
     """Bend angle of the robot by the tendon alone (n,), rad."""
-    error: Array
+    error: Floats
     """Tip errors (4, n) of `MODELS`."""
-    uncertainty: Array
+    uncertainty: Floats
     """Stated uncertainty (4, n) of `error`."""
 
 
@@ -73,19 +61,19 @@ class ChartErrors:
 class _Chain:
     """Robot under its tendon alone at tensions (N,), with modules (n,)."""
 
-    tension: Array
+    tension: Floats
     """Tensions (N, n) of the spans."""
-    tip: Array
+    tip: Floats
     """Tip (N, 3)."""
-    module_bend: Array
+    module_bend: Floats
     """Bend angles (N, n)."""
-    lengths_bend: Array
+    lengths_bend: Floats
     """Bend vectors (N, 2) by constant curvature from the tendon lengths."""
-    lengths_mean: Array
+    lengths_mean: Floats
     """Mean tendon lengths (N,)."""
-    compliance: Array
+    compliance: Floats
     """Bend of an inner module per bend by the linear law (N,)."""
-    first_compliance: Array
+    first_compliance: Floats
     """Bend of the first module per bend by the linear law (N,)."""
 
 
@@ -142,7 +130,7 @@ def chart_errors(groups: Groups) -> ChartErrors:
 # -- the tendon alone --------------------------------------------------------------------------
 
 
-def _chain(groups: Groups, phi: Array) -> _Chain:
+def _chain(groups: Groups, phi: Floats) -> _Chain:
     n, r = groups.disks, groups.pitch
     modules = _Modules.of(groups)
     flexible, start, half = modules.flexible, modules.start, modules.end
@@ -179,19 +167,19 @@ def _chain(groups: Groups, phi: Array) -> _Chain:
 class _Module:
     """Modules between two disks under the tension of their span; slopes are against the span."""
 
-    linear_start: Array
+    linear_start: Floats
     """Slope at the start for small slopes."""
-    linear_end: Array
-    slope_start: Array
+    linear_end: Floats
+    slope_start: Floats
     """Slope at the start, rad."""
-    slope_end: Array
-    along: Array
+    slope_end: Floats
+    along: Floats
     """Distance from disk to disk along the span."""
-    across: Array
+    across: Floats
     """Distance from disk to disk across the span, positive away from the tendon."""
 
 
-def _module(tension: Array, r: float, flexible: Array, start: Array, end: float) -> _Module:
+def _module(tension: Floats, r: float, flexible: Floats, start: Floats, end: float) -> _Module:
     """Bend modules by the force along their spans: Eq. 9.3."""
     k = np.sqrt(tension)
     s, c = np.sin(k * flexible), np.cos(k * flexible)
@@ -217,7 +205,7 @@ _GAUSS: Final = (
 )
 
 
-def _finite(linear: Array) -> Array:
+def _finite(linear: Floats) -> Floats:
     """Solve slope = linear * cos(slope), Eq. 9.4, by Newton's method."""
     slope = np.arctan(linear)
     for _ in range(3):
@@ -228,7 +216,7 @@ def _finite(linear: Array) -> Array:
 # -- constant curvature ------------------------------------------------------------------------
 
 
-def _arc_tip(bend: Array, length: Array) -> Array:
+def _arc_tip(bend: Floats, length: Floats) -> Floats:
     """Tip (N, 3) of arcs with bend vectors (N, 2): theory Eq. 1.2."""
     theta = np.maximum(np.linalg.norm(bend, axis=1), 1e-9)
     x, y = bend.T * (2.0 * (np.sin(theta / 2.0) / theta) ** 2)
@@ -240,8 +228,8 @@ class _Modules:
     """Modules (n,), each an arc between clamped lengths: corrected constant curvature."""
 
     pitch: float
-    flexible: Array
-    start: Array
+    flexible: Floats
+    start: Floats
     """Clamped length at the start."""
     end: float
 
@@ -254,23 +242,23 @@ class _Modules:
         return cls(groups.pitch, 1.0 / n - start - half, start, half)
 
     @property
-    def _skew(self) -> Array:
+    def _skew(self) -> Floats:
         length = self.flexible + self.start + self.end
         return np.asarray((self.end - self.start) ** 2 / (2.0 * length))
 
     @property
-    def _softening(self) -> Array:
+    def _softening(self) -> Floats:
         """f h of theory Eq. 1.10."""
         bow = self.flexible / 12.0 + (self.start + self.end) / 4.0 - self._skew / 2.0
         return np.asarray(self.flexible * bow)
 
-    def under(self, phi: Array) -> Array:
+    def under(self, phi: Floats) -> Floats:
         """Bends (N, n) by the law with the mean lever arm: theory Eq. 1.10."""
         linear = phi[:, None] * self.flexible
         stiffness = 1.0 - phi[:, None] / self.pitch * self._softening
         return np.asarray(2.0 * linear / (stiffness + np.sqrt(stiffness**2 + linear**2 / 2.0)))
 
-    def tip_by_lengths(self, bend: Array, mean: Array) -> Array:
+    def tip_by_lengths(self, bend: Floats, mean: Floats) -> Floats:
         """Tips (N, 3) from bend vectors (N, 2) and mean of the tendon lengths: theory Eq. 1.5."""
         chord = np.linalg.norm(bend, axis=1)
         stiffer = (self._softening.max() - self._softening) / self.pitch
@@ -286,7 +274,7 @@ class _Modules:
         stretch = (mean - rigid) / (self.flexible * np.sinc(bends / (2.0 * np.pi))).sum(axis=1)
         return self.tip(bends, bend / np.maximum(chord, _TINY)[:, None], stretch)
 
-    def tip(self, bends: Array, towards: Array, stretch: Array | float = 1.0) -> Array:
+    def tip(self, bends: Floats, towards: Floats, stretch: Floats | float = 1.0) -> Floats:
         """Tips (N, 3) of modules with bends (N, n) in directions (N, 2)."""
         before = np.cumsum(bends, axis=1) - bends
         stretch = np.reshape(stretch, (-1, 1))
@@ -311,13 +299,13 @@ class Response:
 
     spline: CubicSpline
     """Coefficients (stiffness ratio, monomial, output) over the bend angle."""
-    bends: Array
+    bends: Floats
     """Nodes of the bend angle, rad."""
-    torsion: Array
+    torsion: Floats
     """The two torsional stiffnesses over the bending stiffness."""
-    exponents: NDArray[np.int64]
+    exponents: Ints
     """Exponents (monomials, 6)."""
-    largest: Array
+    largest: Floats
     """Largest weight number and tip force number."""
 
     @classmethod
@@ -337,7 +325,7 @@ class Response:
             data["largest"],
         )
 
-    def __call__(self, bend: Array, torsion: Array, loads: Array) -> Array:
+    def __call__(self, bend: Floats, torsion: Floats, loads: Floats) -> Floats:
         """Changes (N, 5) of the tip and of the bend vector from lengths, by loads (N, 6)."""
         terms = monomials(loads, self.exponents)
         soft, stiff = np.einsum("nm,ngmk->gnk", terms, self.spline(bend))
@@ -346,7 +334,7 @@ class Response:
         return np.asarray(soft + share[:, None] * (stiff - soft))
 
 
-def monomials(loads: Array, exponents: NDArray[np.int64]) -> Array:
+def monomials(loads: Floats, exponents: Ints) -> Floats:
     """Products (N, M) of powers of loads (N, 6)."""
     out = np.ones((len(loads), len(exponents)))
     for j, powers in enumerate(exponents.T):
@@ -354,9 +342,7 @@ def monomials(loads: Array, exponents: NDArray[np.int64]) -> Array:
     return out
 
 
-def _response_to_loads(
-    groups: Groups, phi: Array, chain: _Chain
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _response_to_loads(groups: Groups, phi: Floats, chain: _Chain) -> tuple[Floats, Floats, Bools]:
     """Changes of the tip (N, 3) and of the bend vector (N, 2), and where the table covers them."""
     table, n = Response.load(), groups.disks
     weight = np.array(groups.weight)

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.formatting import significant
 from bowstring.validity.chart_errors import Response
 from bowstring.validity.chart_groups import Groups
@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bowstring.validity.chart import ValidityChart
-
-__all__ = ["caption", "draw", "force_limit", "force_reading", "lengths_limit", "lengths_reading"]
-
-Array = NDArray[np.float64]
 
 _PITCH: Final = 0.03  # r/l of the curves, on which it has little effect
 _CLAMPED_OVER_TOLERANCE: Final = (0, 2, 5, 10, 20, 40)
@@ -97,7 +93,7 @@ def lengths_limit(strength: float, clamped: float, adds: bool = False) -> float:
     return math.sqrt(288.0 * (math.sqrt(clamp**4 + strength**2 / 144.0) - clamp**2))
 
 
-def _lever(theta: Array) -> Array:
+def _lever(theta: Floats) -> Floats:
     """Derivative of an arc's tip by its bend angle, over the length."""
     half = np.sin(theta / 2.0) / (theta / 2.0)
     return np.sqrt(np.maximum(1.0 + half**2 - 2.0 * np.sin(theta) / theta, 0.0)) / theta
@@ -146,7 +142,7 @@ def caption(chart: ValidityChart) -> str:
 
 def _curves(
     axes: Axes,
-    strengths: Array,
+    strengths: Floats,
     clamps: Sequence[float],
     limit: Callable[[float, float, bool], float],
     unit: float = 1.0,

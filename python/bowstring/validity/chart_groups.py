@@ -18,8 +18,6 @@ from bowstring.robot.model import check_parallel, check_robot, check_straight
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["RANGES", "Groups", "bend_per_tension"]
-
 Vector = tuple[float, float, float]
 
 RANGES: Final = {

@@ -6,12 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Line", "Refined", "contours", "crossings", "halved", "holding", "runs"]
+from bowstring.aliases import Bools, Floats
 
-Floats = NDArray[np.float64]
-Line = NDArray[np.float64]
+Line = Floats
 """Points (n, 2) of a line."""
 
 
@@ -210,7 +208,7 @@ def holding(x: Floats, values: Floats, marks: Floats, level: float) -> Floats:
     return np.array(out).reshape(-1, 2)
 
 
-def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs(mask: Bools) -> list[tuple[int, int]]:
     """First and last index of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(first), int(after) - 1) for first, after in edges.reshape(-1, 2)]
@@ -223,7 +221,7 @@ def _brackets(x: Floats, values: Floats, level: float) -> Floats:
     return np.stack([x[at], x[at + 1], values[at], values[at + 1]], axis=1)
 
 
-def _crossed(grid: Floats, level: float) -> NDArray[np.bool_]:
+def _crossed(grid: Floats, level: float) -> Bools:
     """Cells (Y - 1, X - 1) with corners on both sides of the level, or with and without values."""
     corners = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, :-1], grid[1:, 1:]])
     above, below = corners > level, corners <= level
@@ -232,23 +230,20 @@ def _crossed(grid: Floats, level: float) -> NDArray[np.bool_]:
     return np.asarray((some & none) | (missing.any(axis=0) & ~missing.all(axis=0)))
 
 
-def _points_around(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _points_around(cells: Bools) -> Bools:
     """Points (Y, X) of cells (Y - 1, X - 1) and of all cells beside them."""
-    size = (cells.shape[0] + 1, cells.shape[1] + 1)
-    wide = np.zeros((size[0] + 2, size[1] + 2), bool)
-    for i in range(4):
-        for j in range(4):
-            wide[i : i + cells.shape[0], j : j + cells.shape[1]] |= cells
-    return wide[1:-1, 1:-1]
+    from scipy.ndimage import binary_dilation
+
+    return np.asarray(binary_dilation(np.pad(cells, (0, 1)), np.ones((4, 4)), origin=-1))
 
 
 def _halved(
     x: Floats,
     y: Floats,
     grids: list[Floats],
-    known: NDArray[np.bool_],
+    known: Bools,
     split: Sequence[bool],
-) -> tuple[Floats, Floats, list[Floats], NDArray[np.bool_]]:
+) -> tuple[Floats, Floats, list[Floats], Bools]:
     """The grid with half the spacing along the axes in `split`.
 
     Returns the axes, the values (linear between known points), and which of them are known.

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring._core import RodModel
+from bowstring.aliases import Floats, Progress
 from bowstring.data.tip_errors import known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.errors import InputError
@@ -38,10 +39,6 @@ from bowstring.validity.drawn import Drawn
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["ControlErrors", "control_errors"]
-
-Floats = NDArray[np.float64]
 CommandName = Literal[
     "tensions",
     "tensions_arm",
@@ -276,7 +273,7 @@ def control_errors(
     tolerance: float | str = 0.01,
     load: Load | None = None,
     model: RodModel | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> ControlErrors:
     """Command a robot by the inverse of constant curvature and solve where its tip lands.
 
@@ -392,7 +389,7 @@ def _landed(
     poses: int,
     names: Sequence[str],
     corrections: int,
-    notify: Callable[[str, float], None],
+    notify: Progress,
 ) -> _Landed:
     robot, load, model = commander.robot, commander.load, commander.model
     points = sobol_points(len(commander.most), poses)

@@ -7,9 +7,10 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring._core import RodModel
+from bowstring.aliases import Floats
 from bowstring.constant_curvature import RobotArcs
 from bowstring.constant_curvature.arc import Arc
 from bowstring.constant_curvature.series import series_jacobian
@@ -25,21 +26,6 @@ from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.rod import solve, solve_batch
 from bowstring.validation import instance, read
 from bowstring.validity.loading import whole_share
-
-__all__ = [
-    "BY_ARCS",
-    "COMMANDS",
-    "SCALES",
-    "Commander",
-    "check_some_solved",
-    "drawn_tensions",
-    "largest_tensions",
-    "no_pose",
-    "prepared",
-    "sobol_points",
-]
-
-Floats = NDArray[np.float64]
 
 COMMANDS: Final = {
     "tensions": "tensions by the linear law",

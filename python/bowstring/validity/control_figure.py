@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from bowstring.validity.control import ControlErrors
 
-__all__ = ["draw_control"]
-
 _LOOKS: Final = {
     "tensions": ("blue", "o"),
     "tensions_arm": ("green", "^"),

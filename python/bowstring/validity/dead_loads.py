@@ -6,15 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
-
-__all__ = ["check_dead_loads", "dead_loads", "gravity_of", "tilted"]
-
-Floats = NDArray[np.float64]
 
 _ON_GRAVITY: Final = ("payload", "tilt", "tilt_towards")
 

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import listed
@@ -24,10 +25,6 @@ from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.dead_loads import dead_loads
 from bowstring.validity.effects import EFFECTS, Rods, acting, without
 from bowstring.validity.errors import Ramps, follow, tip_offsets
-
-__all__ = ["COUPLED", "DesignSpace", "RampErrors"]
-
-Floats = NDArray[np.float64]
 
 COUPLED: Final = "beside coupled strains of the backbone this effect is not examined"
 """Why straight spans of a backbone with coupled strains are not among the causes."""
@@ -44,7 +41,7 @@ class RampErrors:
     """Tensions, N, or commanded bends, rad, (P, L)."""
     length: Floats
     """Lengths of the robots (P,), m."""
-    converged: NDArray[np.bool_]
+    converged: Bools
     """Whether each load has a stable equilibrium (P, L)."""
     tip: Floats
     """Tips by statics (P, L, 3), m."""
@@ -52,9 +49,9 @@ class RampErrors:
     """Their estimated errors (P, L), m."""
     error: dict[str, Floats]
     """Tip errors by model (P, L), m."""
-    slack: NDArray[np.bool_]
+    slack: Bools
     """Whether a tendon is slack at the end of a ramp of bends (P,)."""
-    gave_up: NDArray[np.bool_]
+    gave_up: Bools
     """Whether the solver gave up at each load (P, L)."""
 
     @classmethod
@@ -88,7 +85,7 @@ class RampErrors:
             self.error[name][rows] = np.linalg.norm(offset, axis=-1)
 
     @property
-    def solved(self) -> NDArray[np.bool_]:
+    def solved(self) -> Bools:
         """Whether all loads of a ramp have a stable equilibrium (P,)."""
         return np.asarray(self.converged.all(axis=1))
 
@@ -101,12 +98,12 @@ class RampErrors:
         return np.asarray(np.where(count > 0, ends, np.nan))
 
     @property
-    def unknown(self) -> NDArray[np.bool_]:
+    def unknown(self) -> Bools:
         """Whether the solver gave up at the first load of a ramp that is not solved (P,)."""
         first = np.argmin(self.converged, axis=1)
         return np.asarray(~self.solved & self.gave_up[np.arange(len(first)), first])
 
-    def is_solved(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
+    def is_solved(self, metric: str, name: str, tolerance: float) -> Bools:
         """Whether all loads that a metric of a model covers have a stable equilibrium (P,).
 
         Every metric covers the whole ramp, except that ``valid_to`` ends at the first crossing of
@@ -118,16 +115,16 @@ class RampErrors:
         at_end = self.converged[np.arange(len(first)), np.minimum(first, loads - 1)]
         return np.asarray((first == loads) | at_end)
 
-    def undefined(self, name: str) -> NDArray[np.bool_]:
+    def undefined(self, name: str) -> Bools:
         """Loads with an equilibrium at which a model has no arc (P, L)."""
         return np.asarray(self.converged & ~np.isfinite(self.error[name]))
 
-    def is_defined(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
+    def is_defined(self, metric: str, name: str, tolerance: float) -> Bools:
         """Whether a model has an error at all loads that a metric covers (P,)."""
         solved = self.is_solved(metric, name, tolerance)
         return np.asarray(solved & self._has_arc(metric, name, tolerance))
 
-    def _has_arc(self, metric: str, name: str, tolerance: float) -> NDArray[np.bool_]:
+    def _has_arc(self, metric: str, name: str, tolerance: float) -> Bools:
         """Whether a model has an arc at all solved loads that a metric covers (P,).
 
         For ``valid_to`` these are the loads up to the first crossing of the tolerance.

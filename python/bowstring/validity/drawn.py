@@ -12,8 +12,6 @@ from bowstring.viz.style import write_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Drawn"]
-
 
 class Drawn(Result, ABC):
     """Result with a figure that can be saved."""

@@ -14,8 +14,6 @@ from bowstring.robot.model import with_fields
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 
-__all__ = ["DOMINANT", "EFFECTS", "Effect", "Rods", "acting", "with_values", "without"]
-
 Part = Literal["model", "load", "disks", "backbone", "tendons"]
 
 DOMINANT: Final = 0.5

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.jobs import threads
@@ -17,20 +17,6 @@ from bowstring.robot.designs import Designs
 from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.validity.effects import Rods
 from bowstring.validity.limit_search import gave_up, solve_ramps
-
-__all__ = [
-    "INPUTS",
-    "LABELS",
-    "LAWS",
-    "Ramps",
-    "arc_tips",
-    "displacement_per_bend",
-    "follow",
-    "tip_errors",
-    "tip_offsets",
-]
-
-Floats = NDArray[np.float64]
 
 LAWS: Final = {
     "cc_from_lengths": "lengths",
@@ -76,7 +62,7 @@ class Ramps:
     """Tensions of the sweep, N, or commanded bends, rad, (D, L)."""
     tensions: Floats
     """Tensions of all tendons (D, L, T), N."""
-    converged: NDArray[np.bool_]
+    converged: Bools
     """Whether each load has a stable equilibrium (D, L); see `limit_search.solve_ramps`."""
     tip: Floats
     """Tips (D, L, 3), m; NaN where not converged."""
@@ -84,11 +70,11 @@ class Ramps:
     """Tendon lengths (D, L, T), m."""
     tip_error: Floats
     """Estimated error of the tip by statics (D, L), m."""
-    gave_up: NDArray[np.bool_]
+    gave_up: Bools
     """Whether the solver gave up at each load (D, L), so that an equilibrium may exist."""
     commanded_lengths: Floats | None = None
     """Tendon lengths that the motors command (D, L, T), m; None by tension."""
-    slack: NDArray[np.bool_] | None = None
+    slack: Bools | None = None
     """Whether a tendon is slack at each load (D, L); None by tension."""
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.formatting import in_percent, listed, significant
 from bowstring.validity.causes import coarse_step
 from bowstring.validity.effects import EFFECTS
@@ -26,19 +27,6 @@ if TYPE_CHECKING:
 
     from bowstring.validity.axes import Axis
     from bowstring.validity.spread import Spread
-
-__all__ = [
-    "CAUSES",
-    "SHADE",
-    "draw",
-    "draw_region",
-    "draw_spread",
-    "handles_of",
-    "in_words",
-    "title_of",
-]
-
-Floats = NDArray[np.float64]
 
 CAUSES: Final = {
     "straight_spans": "blue",
@@ -183,9 +171,7 @@ def _shade_states(panel: Axes, found: ValidityMap, x: Floats) -> None:
         _shade(panel, x, where, hatch, LIGHT["muted"], _states_label(found, states))
 
 
-def _shade(
-    panel: Axes, x: Floats, where: NDArray[np.bool_], hatch: str, colour: str, label: str
-) -> None:
+def _shade(panel: Axes, x: Floats, where: Bools, hatch: str, colour: str, label: str) -> None:
     """Hatch a curve around the points of `where`."""
     half = 0.5 * np.abs(np.diff(x)).mean()
     for i, at in enumerate(x[where]):
@@ -370,7 +356,7 @@ def _hatch(panel: Axes, x: Floats, y: Floats, where: Floats, hatch: str) -> None
         drawn.set_linewidth(0.0)
 
 
-def _without_arc(found: ValidityMap, name: str, x: Floats, y: Floats) -> NDArray[np.bool_]:
+def _without_arc(found: ValidityMap, name: str, x: Floats, y: Floats) -> Bools:
     """Points of the refined grid where a model has no arc, not those without equilibrium.
 
     A point of it without a value is as the nearest point of the map without a value.

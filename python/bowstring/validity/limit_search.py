@@ -8,13 +8,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.jobs import threads
 from bowstring.statics.design_sweeps import sweep_designs
 from bowstring.validity.effects import Rods
 
-__all__ = ["Solved", "solve_ramps"]
-
-Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 _SAMPLE: Final = 16  # robots for each one of the sample
@@ -28,14 +26,14 @@ class Solved(NamedTuple):
     is false at loads that were not tried.
     """
 
-    converged: NDArray[np.bool_]
+    converged: Bools
     tip: Floats
     tendon_lengths: Floats
     tip_error: Floats
-    gave_up: NDArray[np.bool_]
+    gave_up: Bools
 
 
-def gave_up(status: ArrayLike) -> NDArray[np.bool_]:
+def gave_up(status: ArrayLike) -> Bools:
     """Where the solver gave up, by the status of solutions."""
     return np.asarray(np.asarray(status) == "max_iterations")
 
@@ -147,7 +145,7 @@ def _last_reached(rods: Rods, tensions: Floats, rows: Ints) -> Ints:
     return low
 
 
-def _reached(rods: Rods, tensions: Floats, rows: Ints, load: Ints) -> NDArray[np.bool_]:
+def _reached(rods: Rods, tensions: Floats, rows: Ints, load: Ints) -> Bools:
     """Whether a solve with one element reaches a load of each ramp from the straight robot."""
     quick = replace(_some(rods, rows), model=rods.model.replace(elements=1))
     return _solve(quick, tensions[rows, load][:, None]).converged[:, 0]

@@ -8,29 +8,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import listed, round_down, significant
 from bowstring.robot.model import Robot, check_tendons, without_laws
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, number, shown, whole
-
-__all__ = [
-    "FARTHEST",
-    "MAX_BEND",
-    "TRIED",
-    "Loading",
-    "actuated",
-    "largest_load",
-    "linear_bend",
-    "named",
-    "turned",
-    "whole_share",
-]
-
-Floats = NDArray[np.float64]
 
 MAX_BEND: Final = math.radians(80.0)
 """Bend of the whole robot at the largest load by default, rad."""

@@ -22,8 +22,6 @@ from bowstring.validity.map_settings import METRICS, MapSettings, Metric, space_
 
 __all__ = ["Points", "map_job"]
 
-Floats = NDArray[np.float64]
-
 _BLOCK: Final = 4096  # points: about a second on one core
 _LEAST_BLOCKS: Final = 100  # least blocks of a map, if full blocks would be fewer
 _SLACK: Final = Variable("1", "1 where a tendon is slack at the bend", dtype="int8")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.results import Key, Result
@@ -26,17 +26,6 @@ from bowstring.validity.errors import LABELS
 from bowstring.validity.limit_search import reach
 from bowstring.validity.loading import Loading, largest_load, named
 
-__all__ = [
-    "METRICS",
-    "MapSettings",
-    "Metric",
-    "end_of_ramp",
-    "reach_of_ramp",
-    "read_axes",
-    "space_of",
-]
-
-Floats = NDArray[np.float64]
 Metric = Literal["largest_error", "mean_error", "error", "valid_to"]
 
 _TRIED: Final = 65  # loads of the search for the last solved one
@@ -123,11 +112,11 @@ class MapSettings(Result):
         """Metric (P,) by model."""
         return {name: errors.metric(self.metric, name, self.tolerance) for name in self.models}
 
-    def defined(self, errors: RampErrors) -> dict[str, NDArray[np.bool_]]:
+    def defined(self, errors: RampErrors) -> dict[str, Bools]:
         """Whether each model has an error at all loads that its metric covers (P,)."""
         return {name: errors.is_defined(self.metric, name, self.tolerance) for name in self.models}
 
-    def solved(self, errors: RampErrors) -> dict[str, NDArray[np.bool_]]:
+    def solved(self, errors: RampErrors) -> dict[str, Bools]:
         """Whether all loads that the metric of each model covers have an equilibrium (P,)."""
         return {name: errors.is_solved(self.metric, name, self.tolerance) for name in self.models}
 

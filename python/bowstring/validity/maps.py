@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints, Progress
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import check_file, write_whole_file
@@ -30,20 +31,6 @@ from bowstring.viz.style import MARKS, check_figure_file, write_figure
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
-
-
-__all__ = [
-    "MOST_SOLVES",
-    "STATES",
-    "UNSOLVED",
-    "ValidityMap",
-    "check_map_file",
-    "compute_map",
-    "validity_map",
-]
-
-Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 
 State = Literal[
@@ -91,7 +78,7 @@ class MapOfModel(Result):
     causes: Annotated[NDArray[np.str_], Key()]
     """Effect with more than half of the metric at the points of `cause_points`, (Y, X) or (X,); or
     empty."""
-    defined: Annotated[NDArray[np.bool_], Key()]
+    defined: Annotated[Bools, Key()]
     """Whether the model has an error at all loads that the metric covers, as `values`, (Y, X) or
     (X,): an equilibrium and an arc."""
 
@@ -124,11 +111,11 @@ class ValidityMap(Result):
     text where none has."""
     cause_points: Annotated[tuple[Floats, ...], Key(unit="`unit`")]
     """Values of each axis at the points of the causes, (Y, X) or (X,), SI."""
-    state: NDArray[np.int64]
+    state: Ints
     """Index in `STATES`, (Y, X) or (X,)."""
-    undefined: dict[str, NDArray[np.bool_]]
+    undefined: dict[str, Bools]
     """Where a model has no arc at some load that the metric covers, (Y, X) or (X,)."""
-    solved: dict[str, NDArray[np.bool_]]
+    solved: dict[str, Bools]
     """Where all loads that the metric of a model covers are solved, (Y, X) or (X,)."""
     solved_to: Annotated[Floats, Key()]
     """Tension (N) or bend (rad) up to which the ramp of each point is solved, (Y, X) or (X,); NaN
@@ -179,12 +166,12 @@ class ValidityMap(Result):
         return self.settings.space.by_displacement
 
     @property
-    def unsolved(self) -> NDArray[np.bool_]:
+    def unsolved(self) -> Bools:
         """Points with a load without equilibrium that the metric covers, (Y, X) or (X,)."""
         return np.isin(self.state, UNSOLVED)
 
     @property
-    def defined(self) -> dict[str, NDArray[np.bool_]]:
+    def defined(self) -> dict[str, Bools]:
         """Where each model has an error at all loads that its metric covers, (Y, X) or (X,)."""
         return {name: self.solved[name] & ~self.undefined[name] for name in self.value}
 
@@ -519,7 +506,7 @@ def _in_parts(settings: MapSettings, points: Floats, notify: Callable[[float], N
 
 def _two_equilibria(
     space: DesignSpace, points: Floats, errors: RampErrors, part: NDArray[np.intp]
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Points whose robot has another stable equilibrium at the end of the ramp.
 
     It is found by a solve from the straight robot, without the ramp, at the points of a coarser

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Ints
 from bowstring.formatting import in_percent, significant
 from bowstring.validity.axes import Axis
 from bowstring.validity.errors import INPUTS
@@ -30,10 +30,6 @@ if TYPE_CHECKING:
     from bowstring.validity.maps import ValidityMap
     from bowstring.validity.multi_axis_maps import ValidityGrid
 
-__all__ = ["draw_grid"]
-
-Floats = NDArray[np.float64]
-
 _WIDTH: Final = 7.4  # inches: three slices beside each other
 _SLICES: Final = 3  # most slices
 _LINES: Final = 100  # most points of a kind that are drawn as lines
@@ -49,7 +45,7 @@ _TICKS: Final = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # share of length
 class _Kinds(NamedTuple):
     """Kinds of points: by effect outside the tolerance, or by validity limit."""
 
-    of: NDArray[np.int64]
+    of: Ints
     """Kind of each point of the map; -1 where the tolerance holds, `len(colours) - 1` where the
     error is not known at all loads, or constant curvature is not defined."""
     colours: list[Any]

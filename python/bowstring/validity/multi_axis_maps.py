@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Progress
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_percent, listed, significant
@@ -54,9 +55,6 @@ __all__ = [
     "validity_grid",
 ]
 
-Floats = NDArray[np.float64]
-Progress = Callable[[str, float], None]
-
 MOST_POINTS: Final = 20_000
 """Most points of a map over more than two axes that is computed without blocks."""
 MOST_DRAWN: Final = 5_000_000
@@ -74,7 +72,7 @@ class GridOfModel(Result):
     values: Annotated[Floats, Key()]
     """Metric (...) in percent of the length (``valid_to``: N), nested lists in the order of the
     axes; NaN without a value."""
-    defined: Annotated[NDArray[np.bool_], Key()]
+    defined: Annotated[Bools, Key()]
     """Whether the model has an error at all loads that the metric covers (...), as `values`: an
     equilibrium and an arc."""
 
@@ -91,27 +89,27 @@ class ValidityGrid(Result):
     """Job of the points, with description, labels and units."""
     value: dict[str, Floats]
     """Metric by model, a dimension for each axis in their order; NaN without a value."""
-    solved: Annotated[NDArray[np.bool_], Key()]
+    solved: Annotated[Bools, Key()]
     """Whether all loads of a point that the metric covers have a stable equilibrium (...), with the
     same dimensions."""
-    gave_up: Annotated[NDArray[np.bool_], Key()]
+    gave_up: Annotated[Bools, Key()]
     """Whether the solver gave up at the first load of a point that is not solved (...), with the
     same dimensions."""
     solved_to: Annotated[Floats, Key()]
     """Tension (N) or bend (rad) up to which the sweep of each point is solved (...), with the same
     dimensions; NaN where its first load is not."""
-    defined: dict[str, NDArray[np.bool_]]
+    defined: dict[str, Bools]
     """Where a model has an error at all loads that the metric covers, with the same dimensions."""
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error, by model, on every `step`-th point of each axis;
     empty text where none has. Without entries for the metric ``valid_to``."""
     step: int
     """Step along each axis between the points of `cause`."""
-    slack: NDArray[np.bool_] | None = None
+    slack: Bools | None = None
     """Whether a tendon is slack at the end of a ramp of bends, with the same dimensions."""
 
     @property
-    def undefined(self) -> dict[str, NDArray[np.bool_]]:
+    def undefined(self) -> dict[str, Bools]:
         """Where a model has no arc at a load that the metric covers, with the same dimensions."""
         return {name: self.solved & ~defined for name, defined in self.defined.items()}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring._core import RodModel
+from bowstring.aliases import Bools, Floats, Progress
 from bowstring.constant_curvature import RobotArcs
 from bowstring.display import short_repr
 from bowstring.errors import InputError
@@ -26,11 +26,6 @@ from bowstring.validity.drawn import Drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-__all__ = ["Reach", "reach"]
-
-Floats = NDArray[np.float64]
 
 _POSES: Final = 2048
 _THIRD: Final = 1.0 / 3.0
@@ -78,7 +73,7 @@ class Reach(Drawn):
     (P,), N; infinite where ten times the force by the compliance moves it less."""
 
     @property
-    def solved(self) -> NDArray[np.bool_]:
+    def solved(self) -> Bools:
         """Whether a pose has a stable equilibrium (P,)."""
         return np.isfinite(self.tip[:, 0])
 
@@ -184,7 +179,7 @@ def reach(
     tolerance: float | str = 0.01,
     load: Load | None = None,
     model: RodModel | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Reach:
     """Find where the tip can be under tension limits, and how it moves, yields and carries there.
 
@@ -309,7 +304,7 @@ def _payload(
     compliance: Floats,
     direction: Floats,
     allowed: float,
-    notify: Callable[[str, float], None],
+    notify: Progress,
 ) -> Floats:
     """Force (P,) in a direction that moves each tip by the allowed distance, N.
 
@@ -322,7 +317,7 @@ def _payload(
     force = _FIRST * allowed / np.linalg.norm(compliance[rows], 2, axis=(1, 2))
     given = np.zeros(3) if load.tip_force is None else floats(load.tip_force)
 
-    def within(at: NDArray[np.intp], force: Floats) -> NDArray[np.bool_]:
+    def within(at: NDArray[np.intp], force: Floats) -> Bools:
         forces = given + force[:, None] * direction
         found = solve_batch(
             robot,

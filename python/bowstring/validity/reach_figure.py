@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.formatting import in_percent
 from bowstring.validity.workspace_figure import extent
 from bowstring.viz.style import LIGHT, WIDTH, log_ticks
@@ -16,10 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bowstring.validity.reach import Reach
-
-__all__ = ["draw_reach"]
-
-Floats = NDArray[np.float64]
 
 _CELLS: Final = 28  # hexagons along an axis
 _ELLIPSES: Final = 14

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.formatting import in_newtons, in_percent, listed, significant
 from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import coarse_step
@@ -17,23 +18,6 @@ from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import actuated
 from bowstring.validity.map_settings import MapSettings
 from bowstring.validity.maps import STATES, UNSOLVED, ValidityMap
-
-__all__ = [
-    "described",
-    "in_causes",
-    "in_not_examined",
-    "in_ranges",
-    "limits_in_words",
-    "notes_on_causes",
-    "notes_on_limits",
-    "notes_on_slack",
-    "sweep_in_words",
-    "undefined_in_words",
-    "unsolved_in_words",
-]
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _MOST_RANGES = 4  # in a sentence
 _DIGITS = 3
@@ -162,7 +146,7 @@ def _text(value: float, axis: Axis) -> str:
     return significant(value, _DIGITS + math.ceil(more))
 
 
-def _at_points(found: ValidityMap, where: Mask) -> str:
+def _at_points(found: ValidityMap, where: Bools) -> str:
     """Ranges of a single axis that the points of `where` cover, in brackets."""
     if len(found.axes) != 1 or not where.any():
         return ""
@@ -173,7 +157,7 @@ def _at_points(found: ValidityMap, where: Mask) -> str:
     return f" ({in_ranges(axis, np.array(ends))})"
 
 
-def undefined_in_words(name: str, undefined: Mask, where: str = "", things: str = "points") -> str:
+def undefined_in_words(name: str, undefined: Bools, where: str = "", things: str = "points") -> str:
     """Sentence on the points at which a model has no arc."""
     why = "no arc has the tendon lengths, which ask for more than a full turn or too sharp a bend"
     if name == "cc_from_force_arm":
@@ -197,7 +181,7 @@ def sweep_in_words(settings: MapSettings) -> list[str]:
 
 def unsolved_in_words(
     settings: MapSettings,
-    unsolved: Mapping[int, Mask],
+    unsolved: Mapping[int, Bools],
     solved_to: Floats,
     places: Mapping[int, str] | None = None,
 ) -> list[str]:
@@ -297,7 +281,7 @@ def in_causes(value: Floats, cause: NDArray[np.str_], step: int, tolerance: floa
     return f"; main cause of the error: {listed([EFFECTS[e].label for e in acting])}{many}"
 
 
-def notes_on_slack(settings: MapSettings, slack: Mask) -> list[str]:
+def notes_on_slack(settings: MapSettings, slack: Bools) -> list[str]:
     """What to change where tendons are slack at most points of a map of bends."""
     paths = [axis.path for axis in settings.space.all_axes]
     if 2 * int(slack.sum()) <= slack.size or any("pretension" in path for path in paths):

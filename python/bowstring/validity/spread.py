@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Progress
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_newtons, in_percent, significant
@@ -41,11 +41,6 @@ from bowstring.validity.map_settings import end_of_ramp
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-__all__ = ["Spread", "assumed_distributions", "sampled", "validity_spread"]
-
-Floats = NDArray[np.float64]
 
 _BLOCK: Final = 4096  # samples solved at a time
 _MOST_ASSUMED: Final = 24  # numbers of one kind, as each takes its share of the samples
@@ -142,7 +137,7 @@ class Spread(Result):
     """Validity limit of each sample (n,), N; infinite where it holds to the end of the ramp, the
     last solved load where the ramp is not solved to its end and holds so far, NaN without a
     result."""
-    solved: NDArray[np.bool_]
+    solved: Bools
     """Whether each sample is solved to its limit or the end of the ramp (n,)."""
     error: Floats
     """Tip error of each sample at the end of the ramp (n,), as a share of the length."""
@@ -296,7 +291,7 @@ def validity_spread(
     loading: Loading | None = None,
     load: Load | None = None,
     model: RodModel | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Spread:
     """Validity limit of constant curvature where numbers of the robot are uncertain.
 
@@ -361,7 +356,7 @@ def sampled(
     loading: Loading | None = None,
     load: Load | None = None,
     model: RodModel | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> Callable[[str], Spread]:
     """Solve the samples of `validity_spread` once for several models of constant curvature.
 
@@ -549,9 +544,7 @@ def _known_errors(nominal: Designs, ramps: Ramps, name: str) -> Floats:
     return np.asarray(apart.reshape(rows, loads) / nominal.length[0])
 
 
-def _limit(
-    nominal: Designs, ramps: Ramps, name: str, tolerance: float
-) -> tuple[Floats, NDArray[np.bool_]]:
+def _limit(nominal: Designs, ramps: Ramps, name: str, tolerance: float) -> tuple[Floats, Bools]:
     """Validity limit of each rod (D,), N, and whether it is solved to it or the end of its ramp.
 
     The limit is infinite where it holds to the end of the ramp.

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.aliases import Bools, Floats, Progress
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.jobs import threads
@@ -32,11 +33,6 @@ from bowstring.validity.sentences import in_causes, in_not_examined, undefined_i
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-__all__ = ["WorkspaceMap", "workspace_map"]
-
-Floats = NDArray[np.float64]
 
 _POSES: Final = 2048
 _PART: Final = 1024
@@ -82,10 +78,10 @@ class WorkspaceMap(Drawn):
     cause: dict[str, NDArray[np.str_]]
     """Effect with more than half of the error at each pose (P,), by model; empty text where none
     has."""
-    two_equilibria: Annotated[NDArray[np.bool_], Key()]
+    two_equilibria: Annotated[Bools, Key()]
     """Whether another stable equilibrium was found at the same tensions (P,), so that the robot may
     snap through: which of the two it takes depends on how it came there."""
-    gave_up: NDArray[np.bool_]
+    gave_up: Bools
     """Whether the solver gave up at a pose (P,), so that it may have an equilibrium."""
 
     @property
@@ -95,16 +91,16 @@ class WorkspaceMap(Drawn):
         return f"{high} N" if low == high else f"{low} to {high} N"
 
     @property
-    def solved(self) -> NDArray[np.bool_]:
+    def solved(self) -> Bools:
         """Whether a pose has a stable equilibrium (P,)."""
         return np.isfinite(self.tip[:, 0])
 
     @property
-    def unknown(self) -> NDArray[np.bool_]:
+    def unknown(self) -> Bools:
         """Whether a pose is not solved because the solver gave up (P,)."""
         return np.asarray(~self.solved & self.gave_up)
 
-    def undefined(self, name: str) -> NDArray[np.bool_]:
+    def undefined(self, name: str) -> Bools:
         """Whether a model has no arc at a pose with an equilibrium (P,)."""
         return self.solved & ~np.isfinite(self.error[name])
 
@@ -213,7 +209,7 @@ def workspace_map(
     models: Sequence[str] | None = None,
     load: Load | None = None,
     model: RodModel | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> WorkspaceMap:
     """Compare constant curvature with statics over the workspace of a robot.
 
@@ -323,7 +319,7 @@ def _poses(rods: Rods, tensions: Floats) -> Ramps:
     )
 
 
-def _ends_elsewhere(rods: Rods, start: Floats, tensions: Floats, tip: Floats) -> NDArray[np.bool_]:
+def _ends_elsewhere(rods: Rods, start: Floats, tensions: Floats, tip: Floats) -> Bools:
     """Poses (P,) at which a path from some tensions ends in another stable equilibrium."""
     robot = rods.designs.robot
     each = Designs(robot, {"segments.0.length": np.full(len(tip), robot.segments[0].length)})

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.formatting import in_percent
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import LABELS
@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 
     from bowstring.robot.model import Robot
     from bowstring.validity.workspace import WorkspaceMap
-
-__all__ = ["draw_bar", "draw_cells", "draw_workspace", "extent", "keep_open", "places"]
-
-Floats = NDArray[np.float64]
 
 _CELLS: Final = 30  # hexagons along an axis
 _NARROWEST: Final = 0.3  # least span of an axis over that of the other

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Progress
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import check_file, write_whole_file
 from bowstring.robot.model import Robot
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["animate", "check_length", "check_picture"]
-
-Progress = Callable[[str, float], None]
 
 _FPS: Final = 25  # frames per second; exact in a GIF, whose unit of time is 10 ms
 _DPI: Final = 110
@@ -214,7 +211,7 @@ class _Scene:
             0.03, 0.915, f"{robot.name}, simulated, {pace}", va="top", color=colour["muted"]
         )
 
-    def _limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _limits(self) -> tuple[Floats, Floats]:
         points = np.concatenate(
             [path.reshape(-1, 3) for path in (self._rims, self._backbone, *self._holes)]
         )

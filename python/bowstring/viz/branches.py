@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from bowstring.statics.branches import Branch, BranchDiagram
 
-__all__ = ["draw_branches"]
-
 _STYLES = {True: ("-", "stable"), False: ("--", "unstable"), None: (":", "not determined")}
 _MARKERS = {"limit_point": ("o", "limit point"), "bifurcation": ("s", "bifurcation")}
 

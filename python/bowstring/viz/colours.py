@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["COLOURS"]
-
 COLOURS: Final = {
     "ink": ("#1b1f24", "#e6e9ee"),
     "muted": ("#5d6673", "#a3adba"),

@@ -10,8 +10,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["COMPONENTS", "INDICES", "VERTICES", "GltfArrays", "glb"]
-
 #: Numbers of an array by the standard's code of their type.
 COMPONENTS: Final[Mapping[int, np.dtype[Any]]] = {
     5126: np.dtype("<f4"),

@@ -6,16 +6,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.viz.style import LIGHT, legend_above, log_ticks, subplots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["draw_path"]
-
-Floats = NDArray[np.float64]
 
 _LOOKS = (("blue", "-"), ("red", "--"))
 

@@ -8,10 +8,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
+from bowstring.aliases import Floats
 from bowstring.robot.model import Robot
 from bowstring.viz.style import LIGHT, WIDTH
 from bowstring.viz.vtk import circle
@@ -20,10 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from bowstring.dynamics.modal import Modes
-
-__all__ = ["draw_modes"]
-
-Array = NDArray[np.float64]
 
 _SWAY: Final = 0.12  # largest drawn displacement over length
 _TURN: Final = {"bending": 0.6, "torsion": 1.2, "axial": 0.6}  # rad; largest drawn rotation
@@ -92,7 +88,7 @@ def _mode(modes: Modes, k: int) -> Figure:
     return figure
 
 
-def _shape(robot: Robot, position: Array, frames: Array) -> list[tuple[Array, float]]:
+def _shape(robot: Robot, position: Floats, frames: Floats) -> list[tuple[Floats, float]]:
     """Lines of a robot in m with their widths: backbone, rims of the disks, tendons."""
     position = np.concatenate([np.zeros((1, 3)), position])
     frames = np.concatenate([np.eye(3)[None], frames])
@@ -101,7 +97,7 @@ def _shape(robot: Robot, position: Array, frames: Array) -> list[tuple[Array, fl
     ends = np.concatenate([[0.0], np.cumsum(chords)])
     places = np.linspace(ends[:-1], ends[1:], 9, axis=1).ravel()
     backbone = CubicHermiteSpline(ends, position, frames[:, :, 2])
-    lines: list[tuple[Array, float]] = [(backbone(places), 2.0)]
+    lines: list[tuple[Floats, float]] = [(backbone(places), 2.0)]
     every = max(1, len(position) // 60)
     for i in range(len(position) - 1, 0, -every):
         radius = float(robot.disks.radius_m[i - 1])

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bowstring.aliases import Progress
 from bowstring.dynamics.modal import Modes
 from bowstring.files.atomic_io import write_whole
 from bowstring.files.result_folder import check_folder, write_listing
@@ -13,10 +14,6 @@ from bowstring.viz.style import figure_style, save_figure, save_figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["write_modes"]
-
-Progress = Callable[[str, float], None]
 
 
 def write_modes(

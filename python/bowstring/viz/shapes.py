@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.formatting import in_percent
 from bowstring.viz.style import LIGHT, legend_above, subplots
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from bowstring.constant_curvature.shape import ArcFit
 
 __all__ = ["backbone_shapes"]
-
-Array = NDArray[np.float64]
 
 
 def backbone_shapes(fits: Sequence[ArcFit], source: str) -> Figure:
@@ -103,7 +101,7 @@ def backbone_shapes(fits: Sequence[ArcFit], source: str) -> Figure:
     return figure
 
 
-def _plane(fit: ArcFit) -> Array:
+def _plane(fit: ArcFit) -> Floats:
     """Axes (3, 2) of a shape's plane: towards the first bend of its arc, and along its start."""
     along, bend = fit.direction[0], fit.curvature_vector[0, 0]
     towards = bend if np.linalg.norm(bend) > 1e-9 else fit.frame[0, :, 0]

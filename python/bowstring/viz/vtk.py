@@ -13,7 +13,7 @@ import re
 import shutil
 import struct
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from xml.sax.saxutils import quoteattr
@@ -21,12 +21,13 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Floats, Progress
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import check_whole_folder, not_overwritten, write_whole
 from bowstring.robot.model import Robot, check_robot, check_round
 from bowstring.statics.fields import FIELDS, Section, surface_stress
 from bowstring.statics.model import RodModel
-from bowstring.validation import is_whole, shown
+from bowstring.validation import shown, whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,10 +43,6 @@ __all__ = [
     "write_series",
     "write_vtk",
 ]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Progress = Callable[[str, float], None]
 
 _PVD: Final = "run.pvd"
 _MARK: Final = "<!-- Bowstring:"  # comment in the .pvd that identifies our files
@@ -140,8 +137,7 @@ def write_vtk(
         If the folder cannot be written, the drive is full or the data are of another robot.
     """
     notify = progress or (lambda what, share: None)
-    if not is_whole(angles) or not 3 <= angles <= 1000:
-        raise InputError(f"angles is {shown(angles)}, it must be a whole number from 3 to 1000")
+    whole("angles", angles, 3, 1000)
     check_data(robot, data)
     folder = check_folder(out)
     parts = [_Backbone(robot, data, angles), _Disks(robot, data), Tendons(robot, data)]

@@ -8,17 +8,6 @@ from pydantic import Field
 
 from bowstring.results import Object, OrNull, about
 
-__all__ = [
-    "InFolder",
-    "MadeBy",
-    "MadeByRobot",
-    "OfRobot",
-    "Pair",
-    "Vector",
-    "VectorOrNull",
-]
-
-
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 VectorOrNull = Annotated[list[OrNull], Field(min_length=3, max_length=3)]

@@ -9,15 +9,6 @@ from pydantic import Field
 from bowstring.cli.schemas.basic import OfRobot, Pair, Vector
 from bowstring.results import Object, about
 
-__all__ = [
-    "Compiled",
-    "DiskNumbers",
-    "PayloadNumbers",
-    "RobotDescription",
-    "SegmentNumbers",
-    "TendonNumbers",
-]
-
 Eleven = Annotated[list[float], Field(min_length=11, max_length=11)]
 Six = Annotated[list[float], Field(min_length=6, max_length=6)]
 

@@ -11,12 +11,6 @@ from bowstring.inverse.solution import InverseRow, InverseStatus
 from bowstring.pose import Pose
 from bowstring.results import Object, OrNull, about
 
-__all__ = [
-    "Ik",
-    "IkPath",
-    "IkResidual",
-]
-
 
 @beside(InverseRow)
 class Ik(OfRobot):

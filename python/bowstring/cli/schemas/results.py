@@ -22,8 +22,6 @@ from typing_extensions import TypedDict, get_type_hints, is_typeddict
 
 from bowstring.results import STRICT, UNITS, Result, about, keys_of
 
-__all__ = ["beside", "object_of"]
-
 Form = TypeVar("Form", bound=type)
 
 _NUMBERS: Final = {np.float64: float, np.int64: int, np.bool_: bool, np.str_: str}

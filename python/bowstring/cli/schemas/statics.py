@@ -12,14 +12,6 @@ from bowstring.statics.contact_solution import ContactSolution
 from bowstring.statics.limits import Utilisation
 from bowstring.statics.solution import Solution
 
-__all__ = [
-    "Arc",
-    "CorrectedPoint",
-    "FittedArc",
-    "Fk",
-    "Solve",
-]
-
 
 class Arc(Object):
     """Arc of a segment by constant curvature."""

@@ -22,9 +22,10 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from bowstring.aliases import Floats, Ints
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.laws import OF_COMMANDS
@@ -33,8 +34,6 @@ from bowstring.statics.load import Load
 from bowstring.statics.solution import Solution
 
 __all__ = ["MAX_JOINTS", "Body", "ChainPose", "LinkChain"]
-
-Floats = NDArray[np.float64]
 
 MAX_JOINTS: Final = 32
 """Most joints of a module."""
@@ -168,7 +167,7 @@ class LinkChain:
         return np.asarray(weights @ rows)
 
     @cached_property
-    def order(self) -> NDArray[np.int64]:
+    def order(self) -> Ints:
         """Hinges (B, 3) in the order in which they turn: 0 and 1 bend, 2 twists."""
         forth = np.arange(len(self._parts)) % 2 == 0
         return np.where(forth[:, None], [0, 1, 2], [2, 1, 0])

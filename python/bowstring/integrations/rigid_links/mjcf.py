@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring._core import __version__
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.files.atomic_io import check_file
 from bowstring.integrations.rigid_links.chain import Body, LinkChain
@@ -27,8 +27,6 @@ from bowstring.inverse.kinematics import default_max_tension
 from bowstring.statics.load import Load
 
 __all__ = ["check_mjcf", "write_mjcf"]
-
-Floats = NDArray[np.float64]
 
 _WHAT: Final = "MJCF model"
 _MARK: Final = b"<!-- Bowstring MJCF"

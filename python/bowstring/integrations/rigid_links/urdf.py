@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring._core import __version__
+from bowstring.aliases import Floats
 from bowstring.files.atomic_io import check_file
 from bowstring.integrations.rigid_links.chain import Body, LinkChain
 from bowstring.integrations.rigid_links.xml_file import (
@@ -23,8 +23,6 @@ from bowstring.integrations.rigid_links.xml_file import (
 )
 
 __all__ = ["check_urdf", "write_urdf"]
-
-Floats = NDArray[np.float64]
 
 _WHAT: Final = "URDF model"
 _MARK: Final = b"<!-- Bowstring URDF"

@@ -13,8 +13,6 @@ from bowstring.errors import InputError
 from bowstring.files.json_files import Content, parsed, structured
 from bowstring.robot.draft import Draft, Field, quantity, tendon, vector
 
-__all__ = ["draft"]
-
 _LEFT_OUT: Final = (
     "Not converted: actuator_properties (gain, pretension, limits), damping and mounting."
 )

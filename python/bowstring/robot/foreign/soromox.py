@@ -15,8 +15,6 @@ from bowstring.errors import InputError
 from bowstring.robot.draft import Draft, Field, quantity, tendon, vector
 from bowstring.robot.foreign.values import Call, Values, numbers, python
 
-__all__ = ["draft"]
-
 #: Numbers of a link, and their names there.
 _NAMES: Final = {
     "length": ("length", "L"),

@@ -7,15 +7,11 @@ import re
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.robot.draft import Draft, Field, quantity, tendon, vector
 from bowstring.robot.foreign.values import Values, cpp, matlab, numbers
-
-__all__ = ["draft_cpp", "draft_matlab"]
-
-Floats = NDArray[np.float64]
 
 _NO_DENSITY: Final = Field("0 kg/m^3", assumed="density")
 _NO_MASS: Final = Field("0 g", assumed="disk mass")

@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.validation import floats
-
-__all__ = ["Call", "Values", "cpp", "matlab", "numbers", "python"]
 
 _MOST: Final = 1000  # numbers of an array
 _STEPS: Final = 20_000  # of a file; public ones need fewer than 1000
@@ -39,7 +37,7 @@ class Call:
     """Values of the others, by name."""
 
 
-def numbers(value: Any) -> NDArray[np.float64]:
+def numbers(value: Any) -> Floats:
     """Value as an array of finite floats; ValueError if it is not one."""
     try:
         found = floats(value)
