@@ -15,20 +15,8 @@ from typing import Annotated, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.results import Key, Result
-
-__all__ = [
-    "LEVEL",
-    "RESAMPLES",
-    "Expected",
-    "Intervals",
-    "Linear",
-    "bootstrap",
-    "left_out",
-    "refitted",
-]
-
-Array = NDArray[np.float64]
 
 RESAMPLES: Final = 2000
 LEVEL: Final = 0.95
@@ -43,18 +31,18 @@ _LOST: Final = 1e-8  # eigenvalue over the largest, below which a direction is n
 class Intervals(Result):
     """95 % intervals of one set of errors by bootstrap: lower and upper bound."""
 
-    mean: Annotated[Array, Key("mean_mm")]
+    mean: Annotated[Floats, Key("mean_mm")]
     """Interval (2,) of the mean Euclidean error, m; NaN without rows."""
-    rms: Annotated[Array, Key("rms_mm")]
+    rms: Annotated[Floats, Key("rms_mm")]
     """Interval (2,) of the RMS Euclidean error, m; NaN without rows."""
-    mean_by_axis: Annotated[Array, Key("mean_by_axis_mm")]
+    mean_by_axis: Annotated[Floats, Key("mean_by_axis_mm")]
     """Intervals (3, 2) of the mean absolute errors along x, y and z, m; NaN without rows."""
-    means: Array
+    means: Floats
     """Mean of each resample (B,), m; for differences of models."""
 
 
 def bootstrap(
-    differences: list[Array], unit: NDArray[np.int64], *, resamples: int = RESAMPLES
+    differences: list[Floats], unit: Ints, *, resamples: int = RESAMPLES
 ) -> list[Intervals]:
     """Compute 95 % percentile intervals of the errors of several models at the same rows.
 
@@ -112,7 +100,7 @@ def bootstrap(
     return found
 
 
-def _draws(units: int, resamples: int, size: int) -> Iterator[tuple[slice, NDArray[np.int64]]]:
+def _draws(units: int, resamples: int, size: int) -> Iterator[tuple[slice, Ints]]:
     """Yield the number of draws of each unit in parts; `size` is the memory per resample."""
     random = np.random.default_rng(_SEED)
     step = max(1, _AT_ONCE // size)
@@ -125,29 +113,29 @@ def _draws(units: int, resamples: int, size: int) -> Iterator[tuple[slice, NDArr
 class Linear:
     """Linearised least-squares fit at its minimum, of n points, P scaled parameters, Q priors."""
 
-    by_parameter: Array
+    by_parameter: Floats
     """Derivative (n, 3, P) of the residuals, m."""
-    force: Array
+    force: Floats
     """Derivative of half the loss by the residuals (n, 3), including weights of rows, m."""
-    slope: Array
+    slope: Floats
     """Second derivative of half the loss by the residuals (n, 3)."""
-    of_priors: Array
+    of_priors: Floats
     """Derivative (Q, P) of the residuals of the priors, m."""
-    force_of_priors: Array
+    force_of_priors: Floats
     """Residuals (Q,) of the priors, m."""
-    row: NDArray[np.int64] | None = None
+    row: Ints | None = None
     """Row (n,) of each point among the fitted rows, from 0; None: each row has one point."""
-    tip: NDArray[np.bool_] | None = None
+    tip: Bools | None = None
     """Points (n,) that are tips; None: all are."""
-    block: NDArray[np.int64] | None = None
+    block: Ints | None = None
     """Block (N,) of neighbouring rows of each fitted row, from 0; None: rows are independent."""
 
     @property
-    def by_tip(self) -> Array:
+    def by_tip(self) -> Floats:
         """Derivative (T, 3, P) of the residuals of the tips, m."""
         return self.by_parameter if self.tip is None else self.by_parameter[self.tip]
 
-    def changes(self, place: NDArray[np.int64], counts: NDArray[Any]) -> Array:
+    def changes(self, place: Ints, counts: NDArray[Any]) -> Floats:
         """Changes (B, P) of the scaled parameters if units of rows have other weights.
 
         `place` (N,) is the unit of each row, `counts` (B, U) how often each unit counts. By one
@@ -175,12 +163,12 @@ class Expected(Result):
 
     mean: Annotated[float, Key("mean_mm")]
     """Mean Euclidean error at unseen rows, m."""
-    interval: Annotated[Array, Key("interval_95_mm")]
+    interval: Annotated[Floats, Key("interval_95_mm")]
     """95 % interval (2,), m."""
 
 
 def refitted(
-    residual: Array, fit: Linear, unit: NDArray[np.int64], *, resamples: int = RESAMPLES
+    residual: Floats, fit: Linear, unit: Ints, *, resamples: int = RESAMPLES
 ) -> Expected | None:
     """Estimate the mean error of a fitted model at unseen rows, with an interval.
 
@@ -224,7 +212,7 @@ def refitted(
     return Expected(mean, np.maximum(tails - own.mean() + mean, 0.0))
 
 
-def left_out(fit: Linear, residual: Array) -> Array:
+def left_out(fit: Linear, residual: Floats) -> Floats:
     """Residuals (T, 3) of the fitted tips by a fit to the other blocks, by one Newton step.
 
     `residual` are those of the fit to all rows, m. Exact for models linear in the parameters and a

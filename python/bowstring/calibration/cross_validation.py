@@ -8,8 +8,9 @@ from functools import partial
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Bools, Floats
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import Fit
 from bowstring.calibration.folds import part_of_rows
@@ -19,11 +20,6 @@ from bowstring.errors import InputError
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.validation import shown
-
-__all__ = ["CrossValidation", "cross_validate", "hold_out"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

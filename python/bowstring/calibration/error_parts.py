@@ -7,18 +7,14 @@ from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.calibration import observations
 from bowstring.calibration.observations import Measured
 from bowstring.errors import NoSolutionError
 from bowstring.formatting import in_mm
 from bowstring.results import Key, Result
 
-__all__ = ["PARTS", "ErrorParts", "NoiseSource", "noise_of", "parts_of"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 NoiseSource = Literal["repeats", "stated"]
 
 #: Mean length of a normal vector over the standard deviation of its three coordinates (Maxwell).

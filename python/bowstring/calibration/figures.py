@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from bowstring.calibration.model_comparison import ModelComparison
     from bowstring.calibration.table_fit import Calibration
 
-__all__ = ["draw_fit", "draw_parts"]
-
 _MANY: Final = 300  # rows
 _LINE: Final = 13.5  # points; height of a line of the legend
 #: Colour and hatch of each part of the error, in order.

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import Fit
 from bowstring.calibration.observations import Measured, Score, score
@@ -22,10 +22,6 @@ from bowstring.errors import InputError
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.validation import instance
-
-__all__ = ["Filtered", "SlowBias", "filtered", "fit_slow_bias"]
-
-Floats = NDArray[np.float64]
 
 _FEWEST = 20  # measured rows for three numbers
 
@@ -169,7 +165,7 @@ def filtered(found: Fit, data: Measured, bias: SlowBias) -> Filtered:
     return Filtered(point, deviation, open_loop, score(point, measured), score(open_loop, measured))
 
 
-def _gaps(commands: Commands, timed: bool | None) -> tuple[Floats, NDArray[np.bool_], bool]:
+def _gaps(commands: Commands, timed: bool | None) -> tuple[Floats, Bools, bool]:
     """Time or rows since the row before (K,), where paths start (K,), and whether it is in s."""
     time, count = commands.time, len(commands)
     if timed and time is None:
@@ -192,7 +188,7 @@ def _gaps(commands: Commands, timed: bool | None) -> tuple[Floats, NDArray[np.bo
 
 
 def _follow(
-    bias: SlowBias, residuals: Floats, gaps: Floats, starts: NDArray[np.bool_]
+    bias: SlowBias, residuals: Floats, gaps: Floats, starts: Bools
 ) -> tuple[Floats, Floats]:
     """Predicted biases (K, 3), and standard deviations (K,) of the residuals about them.
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from bowstring.aliases import Progress
 from bowstring.calibration.model_comparison import (
     ComparisonInterrupted,
     JudgedModel,
@@ -25,10 +26,6 @@ from bowstring.viz.style import figure_style, save_figure, save_figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["model_rows", "write_fit", "write_stopped"]
-
-Progress = Callable[[str, float], None]
 
 _MODELS: Final = "models.csv"
 _ERROR_PARTS: Final = "error_parts"

@@ -14,8 +14,9 @@ from functools import partial
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration import observations
 from bowstring.calibration.bootstrap import Linear
 from bowstring.calibration.folds import parts
@@ -35,11 +36,6 @@ from bowstring.robot.paths import example_path
 from bowstring.significance import NOISE, chi_square_p, explained_p
 from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import shown
-
-__all__ = ["Estimate", "Fit", "fit"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: Least share of a parameter in a direction that is not identifiable, to be named with it.
 _MEMBER: Final = 0.1
@@ -625,7 +621,7 @@ def _result(
     found: Any,
     tool_said: Bools,
     points: Points,
-    part: NDArray[np.int64],
+    part: Ints,
     again: Callable[..., Fit],
 ) -> Fit:
     work, items = search.work, search.work.items

@@ -7,20 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration import observations
 from bowstring.calibration.observations import Measured
 from bowstring.errors import InputError
 from bowstring.validation import is_whole, shown
 
-__all__ = ["part_of_rows", "parts"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-
 
 def part_of_rows(
     data: Measured, values: Floats, used: Bools, folds: int
-) -> tuple[NDArray[np.int64], NDArray[Any]]:
+) -> tuple[Ints, NDArray[Any]]:
     """Part (K,) of each row in `cross_validate`, from 0, and the groups (K,) that no part splits.
 
     Raises
@@ -34,7 +30,7 @@ def part_of_rows(
     return _blocks(group, used, int(folds)), group
 
 
-def parts(data: Measured, values: Floats, used: Bools, folds: int) -> NDArray[np.int64]:
+def parts(data: Measured, values: Floats, used: Bools, folds: int) -> Ints:
     """Divide rows into the parts of `cross_validate`.
 
     Parameters
@@ -81,7 +77,7 @@ def _has_own_groups(data: Measured, group: NDArray[Any]) -> bool:
     return len(np.unique(group)) > 1 and (repeat is None or len(np.unique(repeat)) < 2)
 
 
-def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
+def _blocks(group: NDArray[Any], used: Bools, folds: int) -> Ints:
     """Part (K,) of each row: neighbouring groups, with about the same number of rows per part."""
     number = observations.numbered(group)
     groups = int(number.max()) + 1

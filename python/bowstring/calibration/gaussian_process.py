@@ -7,11 +7,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["GaussianProcess", "matern"]
-
-Floats = NDArray[np.float64]
+from bowstring.aliases import Floats
 
 #: Rows predicted at once, which bounds the memory.
 _BLOCK: Final = 2_000

@@ -14,14 +14,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration.pieces import Landscape, Minimum
 from bowstring.calibration.residual_tests import autocorrelation
 from bowstring.significance import NOISE, NORMAL, student
-
-__all__ = ["EXACT", "SAME", "Dependence", "Uncertainty", "profile_ends"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: Share of a parameter in a direction that is not identifiable, from which on it is undetermined.
 _SHARE: Final = 1e-3
@@ -62,9 +58,9 @@ class Dependence:
 
     correlation: float
     is_significant: bool
-    run: NDArray[np.int64]
-    row: NDArray[np.int64]
-    point: NDArray[np.int64]
+    run: Ints
+    row: Ints
+    point: Ints
 
     @classmethod
     def of(cls, errors: Floats, counted: Bools, group: NDArray[Any]) -> Dependence:
@@ -232,7 +228,7 @@ class _Clusters:
         Inverse of the Hessian without the row, in these directions.
     """
 
-    place: tuple[NDArray[np.int64], NDArray[np.int64]]
+    place: tuple[Ints, Ints]
     derivatives: Floats
     scaled: Floats
     left: Floats

@@ -13,16 +13,6 @@ from bowstring.errors import InputError
 from bowstring.robot import laws
 from bowstring.robot.model import Robot
 
-__all__ = [
-    "MEMORIES",
-    "Memory",
-    "is_zero",
-    "limit_of",
-    "parameters_of",
-    "reason_against",
-    "starts_of",
-]
-
 Memory = Literal["backlash", "friction", "hysteresis", "creep", "relaxation"]
 MEMORIES: Final[tuple[Memory, ...]] = ("backlash", "friction", "hysteresis", "creep", "relaxation")
 """Memories in the order of their number of parameters."""

@@ -13,12 +13,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["LIMIT_ERRORS", "MEMORY_ERRORS", "Gain", "blocks_of", "choose", "gain"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from bowstring.aliases import Bools, Floats, Ints
 
 #: Blocks of neighbouring rows in each fold.
 _PER_FOLD: Final = 4
@@ -52,7 +48,7 @@ class Gain:
         return self.mean > errors * self.standard_error
 
 
-def blocks_of(part: Ints, used: NDArray[np.bool_]) -> Ints:
+def blocks_of(part: Ints, used: Bools) -> Ints:
     """Divide each fold into four blocks of neighbouring rows.
 
     Parameters

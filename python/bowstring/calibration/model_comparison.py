@@ -5,14 +5,14 @@ K is the number of rows. All values are in SI.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bowstring import interrupts
+from bowstring.aliases import Bools, Floats, Ints, Progress
 from bowstring.calibration import observations
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.error_parts import ErrorParts, noise_of, parts_of
@@ -50,16 +50,6 @@ from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import check_is_read, shown
 
-__all__ = [
-    "ComparisonInterrupted",
-    "JudgedModel",
-    "ModelComparison",
-    "ModelName",
-    "compare_models",
-]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 ModelName = Literal[
     "cc",
     "cc_calibrated",
@@ -242,7 +232,7 @@ def compare_models(
     priors: PriorChoice = None,
     loss: Loss = "soft_l1",
     memories: Sequence[Memory] = MEMORIES,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> ModelComparison:
     """Compare constant curvature, the rod and its memories on left-out rows, and choose one.
 
@@ -448,11 +438,11 @@ class _Work:
     robot: Robot
     data: Measurements
     commands: Commands
-    used: NDArray[np.bool_]
+    used: Bools
     part: Ints
     folds: int
     validation: Measurements | None
-    notify: Callable[[str, float], None]
+    notify: Progress
     loss: Loss
     total: float = 1.0  # in times of the calibrated rod
     done: float = 0.0
@@ -468,7 +458,7 @@ class _Work:
         parameters: Sequence[str],
         folds: int,
         validation: Measurements | None,
-        progress: Callable[[str, float], None] | None,
+        progress: Progress | None,
         loss: Loss,
     ) -> _Work:
         """Check the rows before any work."""
@@ -579,7 +569,7 @@ class _Work:
         return model_points(self.robot, said, commands, None if model.arcs else RodModel())
 
 
-def _foldable(data: Measurements, used: NDArray[np.bool_], folds: int) -> Measurements:
+def _foldable(data: Measurements, used: Bools, folds: int) -> Measurements:
     """Measurements, without their groups if these are fewer than the folds.
 
     Folds are then blocks of neighbouring loads or rows.

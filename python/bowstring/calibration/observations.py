@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration.tip_model import Commands
 from bowstring.errors import InputError
 from bowstring.results import Key, Result
@@ -22,29 +23,6 @@ from bowstring.validation import check_is_read, floats, floats_or_refuse, shown
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
-
-__all__ = [
-    "Data",
-    "Measured",
-    "PointScore",
-    "Points",
-    "Score",
-    "check_validation",
-    "commands",
-    "fitted_rows",
-    "groups",
-    "loads",
-    "measured_points",
-    "numbered",
-    "repeats_loads",
-    "score",
-    "sigmas",
-    "tips",
-    "tool",
-]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: Largest distance between a station and its disk, as a share of the length.
 _SAME_PLACE: Final = 1e-3
@@ -379,7 +357,7 @@ def groups(data: Measured, count: int) -> NDArray[Any]:
     return np.array(named)
 
 
-def loads(values: Floats) -> NDArray[np.int64]:
+def loads(values: Floats) -> Ints:
     """Number (K,) of the load of each row, equal for equal commands (K, T) within rounding.
 
     Numbers count from 0 in the order of first appearance.
@@ -389,13 +367,13 @@ def loads(values: Floats) -> NDArray[np.int64]:
     return numbered(np.round(values / scale, 9))
 
 
-def numbered(labels: NDArray[Any]) -> NDArray[np.int64]:
+def numbered(labels: NDArray[Any]) -> Ints:
     """Number (K,) of the label of each row, from 0 in the order of first appearance."""
     _, first, place = np.unique(labels, axis=0, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[place.ravel()], dtype=np.int64)
 
 
-def repeats_loads(load: NDArray[np.int64]) -> bool:
+def repeats_loads(load: Ints) -> bool:
     """Whether most rows share their load with other rows."""
     return bool(np.mean(np.bincount(load)[load] > 1) > 0.5)
 

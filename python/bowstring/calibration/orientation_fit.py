@@ -12,8 +12,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import Estimate, checked_model, refuse_bend_gain
 from bowstring.calibration.intervals import Dependence, Uncertainty
@@ -28,10 +28,6 @@ from bowstring.statics.model import RodModel
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
-
-__all__ = ["AngleScore", "OrientationFit", "angle_errors", "fit_orientation"]
-
-Floats = NDArray[np.float64]
 
 _SMALL: Final = 1e-6  # of a parameter's step
 _SMALL_BY_STATICS: Final = 1e-3  # the equilibrium is less exact than an arc
@@ -165,7 +161,7 @@ def fit_orientation(
         return np.stack(columns, axis=1)
 
     first = np.array([item.start for item in items]) / step
-    solved: NDArray[np.bool_] = np.ones(len(data), bool)
+    solved: Bools = np.ones(len(data), bool)
     solved = np.asarray(np.isfinite(errors(first)).all(axis=1))
     if solved.mean() < 0.5:
         raise NoSolutionError(

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.errors import InputError
 from bowstring.formatting import significant
 from bowstring.robot.fields import number_fields, quantity_of
@@ -30,18 +30,6 @@ from bowstring.robot.stiffness import entry_of
 from bowstring.statics.actuation import driven
 from bowstring.units import read_number, unit_of_size
 from bowstring.validation import shown
-
-__all__ = [
-    "TENDON_PROPERTIES",
-    "Setting",
-    "Unknown",
-    "Unknowns",
-    "initial_of",
-    "marker_of",
-    "zero_is_fitted",
-]
-
-Floats = NDArray[np.float64]
 
 _DEG: Final = np.pi / 180.0
 #: Parameters outside the robot file: start, natural step, least value; usual unit, its SI value
@@ -205,8 +193,8 @@ class Setting:
     initial: Mapping[int, Floats]
 
     def before(
-        self, path: int, by_displacement: NDArray[np.bool_], first: Floats
-    ) -> tuple[NDArray[np.bool_], Floats] | None:
+        self, path: int, by_displacement: Bools, first: Floats
+    ) -> tuple[Bools, Floats] | None:
         """Effective commands (T,) before the first ones of a path; None from the home pose.
 
         First which of them are displacements.
@@ -409,7 +397,7 @@ class Unknowns:
             initial={} if self._from_home else _initial(extra, self._count["tendons"]),
         )
 
-    def impossible(self, values: Floats, asked: NDArray[np.bool_]) -> list[str]:
+    def impossible(self, values: Floats, asked: Bools) -> list[str]:
         """Values (P,) in SI of the `asked` parameters (P,) that are not physically possible.
 
         Each as text with its possible range.

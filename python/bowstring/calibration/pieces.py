@@ -20,12 +20,9 @@ from functools import cached_property, lru_cache
 from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Landscape", "Loss", "Minimum", "Pieces", "rho"]
+from bowstring.aliases import Bools, Floats, Ints
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Loss = Literal["linear", "soft_l1", "huber"]
 
 #: Rounds of block pivoting, in which all violated complementarities change; then single pivots.
@@ -392,9 +389,7 @@ class Landscape:
         return Minimum(full(end.x), float(end.cost))
 
 
-def _starts(
-    distance: Floats, gradient: Floats, near: NDArray[np.int64], count: int
-) -> list[Floats]:
+def _starts(distance: Floats, gradient: Floats, near: Ints, count: int) -> list[Floats]:
     parameters = gradient.shape[2]
     random = np.random.default_rng(_SEED)
     across: dict[int, Floats] = {}

@@ -9,8 +9,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Floats
 from bowstring.calibration.bootstrap import left_out
 from bowstring.calibration.fitting import Fit
 from bowstring.calibration.observations import Measured
@@ -18,10 +19,6 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.significance import NORMAL, student
 from bowstring.validation import floats_or_refuse
-
-__all__ = ["Predicted", "predict_with_interval"]
-
-Floats = NDArray[np.float64]
 
 
 @short_repr

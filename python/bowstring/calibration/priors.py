@@ -13,16 +13,13 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats
 from bowstring.calibration.parameters import Unknown, Unknowns
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.validation import shown
 
-__all__ = ["PriorChoice", "Priors", "default_priors", "matching"]
-
-Floats = NDArray[np.float64]
 PriorChoice = Literal["default"] | Mapping[str, float] | None
 
 #: Default standard deviations of the actuation, SI.
@@ -58,7 +55,7 @@ class Priors:
         return cls(nominal.start / step, deviation / step)
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> Bools:
         """Parameters (P,) with a prior."""
         return np.isfinite(self.deviation)
 

@@ -14,8 +14,9 @@ from functools import cached_property
 from typing import Annotated, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import Fit
 from bowstring.calibration.folds import parts
@@ -29,21 +30,6 @@ from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 
-__all__ = [
-    "MOST_ROWS",
-    "Corrected",
-    "Hyperparameters",
-    "Residual",
-    "Scales",
-    "Table",
-    "fit_residual",
-    "learn",
-    "model_points",
-    "refuse_disorder",
-]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Progress = Callable[[float], None]
 
 #: Least number of measured rows: four for each of five parts.
@@ -117,7 +103,7 @@ class Table:
 
     commands: Floats
     point: Floats
-    paths: list[NDArray[np.int64]]
+    paths: list[Ints]
 
     @cached_property
     def _memory(self) -> dict[float, Floats]:
@@ -138,7 +124,7 @@ class Table:
         out._memory[radius] = memory
         return out
 
-    def select(self, rows: NDArray[np.int64], radius: float) -> Table:
+    def select(self, rows: Ints, radius: float) -> Table:
         """Some rows, with their memory state on the whole path."""
         own = Table(self.commands[rows], self.point[rows], [np.arange(len(rows))])
         return own.with_memory(radius, self.memory(radius)[rows])
@@ -477,7 +463,7 @@ def _left_out(
     table: Table,
     measured: Floats,
     used: Bools,
-    part: NDArray[np.int64],
+    part: Ints,
     at: Hyperparameters,
     scales: Scales,
     most: int,

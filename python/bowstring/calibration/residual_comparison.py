@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Progress
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.gaussian_process import GaussianProcess
@@ -23,16 +23,6 @@ from bowstring.errors import BowstringError, InputError
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 
-__all__ = [
-    "Compared",
-    "ResidualStudy",
-    "of_arcs",
-    "priors_of_arcs",
-    "study_residual",
-]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Kind = Literal["rod", "arc", "commands"]
 
 #: Numbers of fitted rows that are compared, beside all.
@@ -106,7 +96,7 @@ class _Rows:
 
 
 def study_residual(
-    calibration: Calibration, robot: Robot, *, progress: Callable[[str, float], None] | None = None
+    calibration: Calibration, robot: Robot, *, progress: Progress | None = None
 ) -> ResidualStudy:
     """Fit a residual, and compare it with the same learner on other models and fewer rows.
 

@@ -22,8 +22,6 @@ from bowstring.robot.reader import load_robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import shown
 
-__all__ = ["RESIDUAL", "read_residual", "residual_to_dict"]
-
 #: Name of the file in the folder of a fit.
 RESIDUAL: Final = "residual.json"
 _FORMAT: Final = "bowstring residual"

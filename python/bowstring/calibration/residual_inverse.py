@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bowstring import validation
+from bowstring.aliases import Bools, Floats
 from bowstring.calibration.parameters import Setting, Unknowns
 from bowstring.calibration.residual import LEAST_KEPT, Residual
 from bowstring.calibration.tip_model import rotation
@@ -23,11 +24,6 @@ from bowstring.errors import InputError
 from bowstring.inverse.kinematics import inverse_kinematics
 from bowstring.inverse.solution import InverseSolution
 from bowstring.statics.load import Load
-
-__all__ = ["CorrectedInverse", "inverse_with_residual"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: Distance over the length up to which a position counts as reached.
 _REACHED: Final = 1e-5

@@ -11,16 +11,12 @@ from dataclasses import dataclass
 from typing import Annotated, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.formatting import in_mm, listed, significant
 from bowstring.results import Key, Result
 from bowstring.significance import NOISE, chi_square_p, variance_ratio_p
-
-__all__ = ["NoiseTest", "autocorrelation", "noise_test"]
-
-Array = NDArray[np.float64]
 
 _FEW: Final = 8  # least number of pairs of neighbours for a test
 _FAR: Final = 5.0  # standard deviations of a coordinate
@@ -171,7 +167,7 @@ def _lines(lines: tuple[int, ...]) -> str:
     return f"line{'s' * (len(lines) > 1)} {listed(named)}"
 
 
-def _wrong(e: Array, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _wrong(e: Floats, cells: Ints) -> Bools:
     """Outliers (K,): large residuals where another row of the same cell has a small one."""
     usual = 1.4826 * float(np.median(np.abs(e))) if len(e) else 0.0
     off = np.abs(e).max(axis=1, initial=0.0) > _WRONG * usual
@@ -182,7 +178,7 @@ def _wrong(e: Array, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
     return np.asarray(wrong & (wrong.sum() <= max(1, _FEW_WRONG * len(e))))
 
 
-def autocorrelation(residual: Array, near: NDArray[np.bool_]) -> tuple[float, float]:
+def autocorrelation(residual: Floats, near: Bools) -> tuple[float, float]:
     """Compute the autocorrelation of neighbours, pooled over coordinates, and its p-value.
 
     The coordinates of a row may have different variances and be correlated, as those of several
@@ -213,13 +209,13 @@ def autocorrelation(residual: Array, near: NDArray[np.bool_]) -> tuple[float, fl
 
 
 def noise_test(
-    residual: Array,
-    run: NDArray[np.int64],
-    cell: NDArray[np.int64],
+    residual: Floats,
+    run: Ints,
+    cell: Ints,
     parameters: int,
-    sigma: Array | None = None,
+    sigma: Floats | None = None,
     *,
-    line: NDArray[np.int64] | None = None,
+    line: Ints | None = None,
     other_load: bool = False,
 ) -> NoiseTest:
     """Test the residuals of a fitted model.

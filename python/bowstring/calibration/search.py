@@ -15,17 +15,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty
 from bowstring.calibration.pieces import Landscape, Loss, Pieces, influence, rho
 from bowstring.calibration.priors import Priors
 from bowstring.calibration.tip_model import Prediction, TipModel
 from bowstring.data.rigid import align
 from bowstring.errors import InputError, NoSolutionError
-
-__all__ = ["Residuals", "Search", "robust", "spread", "turn_of"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: Residual, in standard deviations, at which a robust loss turns from quadratic to linear.
 _TURN: Final = 2.0
@@ -111,7 +107,7 @@ class Residuals:
         asked: Bools,
         sigma: Floats | None,
         priors: Priors,
-        line: NDArray[np.int64] | None = None,
+        line: Ints | None = None,
     ) -> None:
         self.model, self.measured, self.asked, self.sigma = model, measured, asked, sigma
         self.priors = priors

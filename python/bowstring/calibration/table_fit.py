@@ -5,16 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from bowstring.aliases import Bools, Floats, Ints, Progress
 from bowstring.calibration import observations
 from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
 from bowstring.calibration.filtering import (
@@ -40,10 +40,6 @@ from bowstring.results import Key, Result
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
 from bowstring.validation import check_is_read
-
-__all__ = ["BESIDE", "Calibration", "Validation", "calibrate", "read_start"]
-
-Progress = Callable[[str, float], None]
 
 #: Correlation of estimates above which they are hardly separable.
 _STRONG: Final = 0.9
@@ -187,7 +183,7 @@ class Calibration(Result):
     """Loss of the fit."""
     tendons: TendonCheck
     """Check of the tendon order."""
-    held_out: NDArray[np.bool_]
+    held_out: Bools
     """Held-out rows (K,); all False without hold-out."""
     held_out_score: Score | None
     """Score of the held-out rows, predicted by the fit without them."""
@@ -209,7 +205,7 @@ class Calibration(Result):
     """Slow bias of these predictions."""
 
     @property
-    def predicted(self) -> NDArray[np.float64]:
+    def predicted(self) -> Floats:
         """Predicted points (K, 3) by the calibrated model, m, measuring frame."""
         return np.asarray(self.fit.residuals + self.data.tip)
 
@@ -332,12 +328,12 @@ class Calibration(Result):
         return FittedTable(data.name, data.source, *counts, sigma, data.sha256)
 
     @property
-    def lines(self) -> Annotated[NDArray[np.int64], Key()]:
+    def lines(self) -> Annotated[Ints, Key()]:
         """Line of each row in the table (K,)."""
         return self.data.line
 
     @property
-    def residuals(self) -> Annotated[NDArray[np.float64], Key("residuals_mm")]:
+    def residuals(self) -> Annotated[Floats, Key("residuals_mm")]:
         """Predicted minus measured tip of each row (K, 3), m; NaN where nothing was measured."""
         return self.fit.residuals
 
@@ -525,7 +521,7 @@ def _likely_offsets(
 
 
 def _with_zeros(
-    robot: Robot, error: NDArray[np.float64], parameters: Sequence[str], priors: PriorChoice
+    robot: Robot, error: Floats, parameters: Sequence[str], priors: PriorChoice
 ) -> tuple[list[str], PriorChoice]:
     """Parameters and priors with an offset for each zero of a tension that has an error (T,)."""
     zeros = {f"offset.tendons.{k}": float(error[k]) for k in np.flatnonzero(error)}

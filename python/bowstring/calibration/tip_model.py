@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring._core import Linearised
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration.parameters import TENDON_PROPERTIES, Setting, Unknown, Unknowns
 from bowstring.calibration.pieces import Pieces
 from bowstring.constant_curvature import Arc, RobotArcs
@@ -27,11 +28,6 @@ from bowstring.statics import actuation
 from bowstring.statics.load import Load
 from bowstring.statics.load_tables import with_arrays
 from bowstring.statics.model import RodModel
-
-__all__ = ["Commands", "Prediction", "TipModel", "paths_of", "rotation"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 _NO_LOAD: Final = Load()  # only the robot's gravity
 _WEIGHTLESS: Final = Load(gravity=(0.0, 0.0, 0.0))
@@ -70,7 +66,7 @@ class Commands:
     by_displacement: Bools
     values: Floats
     time: Floats | None
-    recording: NDArray[np.int64] | None = None
+    recording: Ints | None = None
 
     def __len__(self) -> int:
         return len(self.values)
@@ -129,7 +125,7 @@ class Commands:
         return bool(self.by_displacement.any() and not self.values[~self.by_displacement].any())
 
     @property
-    def paths(self) -> list[NDArray[np.int64]]:
+    def paths(self) -> list[Ints]:
         """Rows of each path, in order."""
         return paths_of(self.recording, len(self))
 
@@ -145,7 +141,7 @@ class Commands:
             raise InputError(f"{what} needs times that increase from row to row")
         return time
 
-    def durations(self, rows: NDArray[np.int64]) -> Floats:
+    def durations(self, rows: Ints) -> Floats:
         """Times (n,) from row to row of a path in s, for relaxation and creep; 0 at its start."""
         time = self.clock("relaxation or creep")[rows]
         return np.diff(time, prepend=time[0])
@@ -157,7 +153,7 @@ def _same(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:
     return np.array_equal(one, other, equal_nan=True)
 
 
-def paths_of(recording: NDArray[np.int64] | None, count: int) -> list[NDArray[np.int64]]:
+def paths_of(recording: Ints | None, count: int) -> list[Ints]:
     """Rows of each recording in order; None means a single one."""
     if recording is None:
         return [np.arange(count)]
@@ -374,7 +370,7 @@ class TipModel:
         if robot.has_memory or not keep:
             return self._followed(core, setting, given)
 
-        def from_home(rows: NDArray[np.int64]) -> list[Any]:
+        def from_home(rows: Ints) -> list[Any]:
             own = actuation.Path(robot, rod).core
             found = []
             for held, row in zip(by_displacement[rows], given[rows], strict=True):
@@ -460,7 +456,7 @@ class TipModel:
         return _joined(found, paths, disks=disks)
 
     def _steps(
-        self, number: int, rows: NDArray[np.int64], setting: Setting, given: Floats
+        self, number: int, rows: Ints, setting: Setting, given: Floats
     ) -> tuple[Bools, Floats, Floats | None]:
         """Kinds and values of the commands of a path, from before its first row, and durations."""
         robot = setting.robot
@@ -699,7 +695,7 @@ def _bends_of_tendons(robot: Robot, rotations: Floats) -> Floats:
 
 
 def _joined(
-    found: Sequence[Mapping[str, Floats]], paths: list[NDArray[np.int64]], *, disks: bool
+    found: Sequence[Mapping[str, Floats]], paths: list[Ints], *, disks: bool
 ) -> dict[str, Floats]:
     """Arrays of all rows from those of each path, without a row before the first one."""
     names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]

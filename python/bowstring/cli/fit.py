@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
+from bowstring.aliases import Progress
 from bowstring.cli import completion
 from bowstring.cli.flags import Number, Share, of_flag
 from bowstring.cli.groups import Group, option
@@ -448,7 +449,7 @@ def _report(
         )
 
 
-def _with_estimate(notify: Callable[[str, float], None]) -> Callable[[str, float], None]:
+def _with_estimate(notify: Progress) -> Progress:
     """Progress callback that prints once how long a comparison of minutes will take."""
     began, said = time.monotonic(), False
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, significant
 from bowstring.robot.model import Robot
@@ -25,9 +25,6 @@ from bowstring.validation import choice
 if TYPE_CHECKING:
     from bowstring.study.study import Study
 
-__all__ = ["FILES", "Language", "correction_code"]
-
-Floats = NDArray[np.float64]
 Language = Literal["python", "c", "matlab"]
 
 FILES: Final = {"python": "correction.py", "c": "correction.c", "matlab": "correction.m"}

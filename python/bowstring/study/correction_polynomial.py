@@ -14,17 +14,13 @@ from typing import Final
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from bowstring.aliases import Bools, Floats, Ints
 from bowstring.display import short_repr
 from bowstring.robot.model import Robot
 from bowstring.statics import rod
 from bowstring.study.comparison import Model
 from bowstring.validity.loading import whole_share
-
-__all__ = ["MOST_TERMS", "TipPolynomial", "bend_fit", "tip_polynomials", "without_closed_form"]
-
-Floats = NDArray[np.float64]
 
 _FITTED: Final = 6000  # random loads of the fit
 _HELD_OUT: Final = 2000  # further ones, for the error
@@ -55,7 +51,7 @@ class TipPolynomial:
     """Directions (m, q) in which the inputs of the fit are bounded: the range of the polynomial."""
     limits: Floats
     """Largest ``sides @ inputs`` (m,)."""
-    exponents: NDArray[np.int64]
+    exponents: Ints
     """Powers (n, q) of the inputs in each term."""
     coefficients: Floats
     """Tip (n, 3) by each term, m, base frame."""
@@ -203,7 +199,7 @@ def _polynomials(
     return out
 
 
-def _combined_tensions(robot: Robot) -> tuple[Floats, NDArray[np.bool_]]:
+def _combined_tensions(robot: Robot) -> tuple[Floats, Bools]:
     """Orthogonal combinations (T, T) of tensions, and whether each (T,) has a sum or a moment.
 
     The tensions of a segment load each disk by their sum and by two moments about its centre.
@@ -229,13 +225,13 @@ def _signs(model: Model) -> list[tuple[float, ...]]:
     return [(1.0, -1.0) if b else (one,) for one, b in zip(whole.tolist(), both, strict=True)]
 
 
-def _sums(signs: list[tuple[float, ...]], own: NDArray[np.bool_]) -> Iterator[Floats]:
+def _sums(signs: list[tuple[float, ...]], own: Bools) -> Iterator[Floats]:
     """Sums of sizes as rows (T,) on tensions: one for each choice of the own tendons' signs."""
     chosen = [each if mine else (0.0,) for each, mine in zip(signs, own, strict=True)]
     return map(np.array, itertools.product(*chosen))
 
 
-def _random_tensions(of: NDArray[np.int64], signs: list[tuple[float, ...]], top: float) -> Floats:
+def _random_tensions(of: Ints, signs: list[tuple[float, ...]], top: float) -> Floats:
     """Tensions (n, T) whose sizes over each segment's tendons sum to at most `top`, from none."""
     rng = np.random.default_rng(1)
     count = _FITTED + _HELD_OUT
@@ -273,13 +269,13 @@ def _segment_fits(robot: Robot) -> tuple[Floats, Floats]:
 
 def _fit(
     inputs: Floats,
-    varied: NDArray[np.bool_],
+    varied: Bools,
     tips: Floats,
-    held_out: NDArray[np.bool_],
+    held_out: Bools,
     enough: float,
-) -> tuple[NDArray[np.int64], Floats, float]:
+) -> tuple[Ints, Floats, float]:
     """Exponents, coefficients and largest error of the lowest degree that is good enough."""
-    best: tuple[NDArray[np.int64], Floats, float] | None = None
+    best: tuple[Ints, Floats, float] | None = None
     for degree in range(1, _HIGHEST + 1):
         if best and math.comb(varied.sum() + degree, degree) > MOST_TERMS:
             break
@@ -298,7 +294,7 @@ def _fit(
     return best
 
 
-def _exponents(varied: NDArray[np.bool_], degree: int) -> NDArray[np.int64]:
+def _exponents(varied: Bools, degree: int) -> Ints:
     """Powers (n, q) of all terms of the varied inputs (q,) up to a degree."""
     count = varied.sum()
     chosen = itertools.combinations_with_replacement(range(count + 1), degree)
@@ -308,7 +304,7 @@ def _exponents(varied: NDArray[np.bool_], degree: int) -> NDArray[np.int64]:
     return exponents
 
 
-def _terms(inputs: Floats, exponents: NDArray[np.int64]) -> Floats:
+def _terms(inputs: Floats, exponents: Ints) -> Floats:
     """Values (n, terms) of the terms at inputs (n, q)."""
     powers = inputs[:, :, None] ** np.arange(exponents.max() + 1)
     out = np.ones((len(inputs), len(exponents)))
