@@ -123,8 +123,8 @@ class Settings:
         alone = self.tried == len(self.shares)
         of = f"{self.tried} {'' if alone else 'combinations of '}tendons"
         if self.earlier:
-            return f"{self.actuated} (of {of}; another leaves the tolerance earlier from one input)"
-        return f"{self.actuated} (no other of {of} leaves the tolerance earlier)"
+            return f"{self.actuated} (of {of}; another exceeds the tolerance earlier from one input)"
+        return f"{self.actuated} (none of {of} exceeds the tolerance earlier)"
 
     @property
     def actuated_alone(self) -> bool:
