@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
-from bowstring.aliases import Progress
 from bowstring.cli import completion
 from bowstring.cli.flags import Number, Share, of_flag
 from bowstring.cli.groups import Group, option
@@ -44,6 +43,7 @@ from bowstring.units import rounded, si_of
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from bowstring.aliases import Progress
     from bowstring.calibration.fitting import Estimate, Fit
     from bowstring.calibration.model_comparison import (
         ComparisonInterrupted,
