@@ -122,9 +122,9 @@ class Settings:
             return self.actuated
         alone = self.tried == len(self.shares)
         of = f"{self.tried} {'' if alone else 'combinations of '}tendons"
-        if self.earlier:
-            return f"{self.actuated} (of {of}; another exceeds the tolerance earlier from one input)"
-        return f"{self.actuated} (none of {of} exceeds the tolerance earlier)"
+        none = f"none of {of} exceeds the tolerance earlier"
+        other = f"of {of}; another exceeds the tolerance earlier from one input"
+        return f"{self.actuated} ({other if self.earlier else none})"
 
     @property
     def actuated_alone(self) -> bool:
