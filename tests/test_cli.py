@@ -28,6 +28,7 @@ from bowstring.robot import reader
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study import run as study_module
+from bowstring.study.report import refuse_other_robot
 from bowstring.study.study import Study
 from shell import Shell, adapter, process
 from stages import Stages, by_name
@@ -302,7 +303,8 @@ def test_the_study_of_another_robot_file_of_this_name_is_kept(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    held = "/robots/my_robot.yaml"
+    held = str(tmp_path / "other.yaml")
+    Path(held).touch()
     folder = tmp_path / "bowstring-study" / "my_robot"
     folder.mkdir(parents=True)
     former = {"files": ["study.json"], "provenance": {"robot_file": held}}
@@ -310,6 +312,8 @@ def test_the_study_of_another_robot_file_of_this_name_is_kept(
     code, out, err = shell("study", str(ROOT / "examples" / "my_robot.yaml"))
     assert (code, out) == (2, "")
     assert f"holds that of another robot with this name, {held}; name another folder" in err
+    Path(held).unlink()  # moved
+    refuse_other_robot(folder, "/robots/my_robot.yaml")
 
 
 def test_study_stopped_half_way_writes_nothing(

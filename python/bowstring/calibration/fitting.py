@@ -472,7 +472,7 @@ def fit_from(
         model_of_points, points.measured, used, sigma, prior, getattr(data, "line", None)
     )
     search = Search(work, loss, observations.groups(data, len(commands)), near)
-    of_others = {k: v for k, v in deviations.items() if not k.endswith(".friction")}
+    of_others = {k: v for k, v in deviations.items() if not _is_friction(k)}
     again = partial(fit, data=data, rows=rows, loss=loss, model=rod, priors=of_others)
     values = [unknowns.start]
     for one in others:
@@ -485,12 +485,16 @@ def fit_from(
             if rod is not None and commands.by_displacement.any() and work.has_friction(first):
                 first = _from_frictionless(work, first, robot, one, again)
             work.refuse_without_effect(first)
-            ends.append((search.begin(first), work.before))
+            rough = search.begin(first)
+            if work.take(rough.x):
+                rough = search.begin(rough.x)
+            ends.append((rough, work.before, each, one))
         except BowstringError as error:
             errors.append(error)
     if not ends:
         raise errors[-1]
-    rough, work.before = min(ends, key=lambda end: end[0].cost / end[0].fun.size)
+    rough, work.before, best, start = min(ends, key=lambda end: end[0].cost / end[0].fun.size)
+    unknowns.start_at(best)
     work.take(rough.x)
     found = search.run(rough)
     own = {*unknowns.names, *start}
@@ -590,6 +594,10 @@ def _initial_priors(unknowns: Unknowns, commands: Commands) -> dict[str, float]:
     return found
 
 
+def _is_friction(name: str) -> bool:
+    return name.rpartition(".")[2] == "friction"
+
+
 def _from_frictionless(
     work: Residuals,
     first: Floats,
@@ -599,8 +607,8 @@ def _from_frictionless(
 ) -> Floats:
     """Initial scaled values of a fit with friction: those without friction, if better."""
     smooth = {path: 0.0 for path in work.model.unknowns.friction_paths}
-    others = [name for name in work.model.unknowns.names if not name.endswith(".friction")]
-    held = {k: v for k, v in start.items() if not k.endswith(".friction")}
+    others = [name for name in work.model.unknowns.names if not _is_friction(name)]
+    held = {k: v for k, v in start.items() if not _is_friction(k)}
     try:
         plain = again(robot.with_(smooth), parameters=others, start=held)
     except BowstringError:

@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -304,6 +304,11 @@ class Unknowns:
     def start(self) -> Floats:
         """Start values (P,) in SI."""
         return np.array([item.start for item in self.items])
+
+    def start_at(self, values: Floats) -> None:
+        """Replace the start values."""
+        starts = zip(self.items, values.tolist(), strict=True)
+        self.items[:] = [replace(item, start=value) for item, value in starts]
 
     def refuse_without_effect(self, name: str, *, arcs: bool) -> None:
         """Raise `InputError` for a parameter that is known to have no effect."""

@@ -117,9 +117,10 @@ def _default(robot: Robot, item: Unknown) -> float | None:
         return _ACTUATION[head]
     if head in ("hole_angle", "pitch_radius"):
         return _HOLE / _radius(robot, [int(rest.rpartition(".")[2])] if rest else None)
-    if ".tendons." in item.name and item.leaf == "pitch_radius":
+    in_tendons = bool(item.paths) and ".tendons." in item.paths[0]
+    if in_tendons and item.leaf == "pitch_radius":
         return _HOLE
-    if ".tendons." in item.name and item.leaf in ("angle", "first_angle"):
+    if in_tendons and item.leaf in ("angle", "first_angle"):
         return _HOLE / _radius(robot, [int(path.split(".")[1]) for path in item.paths])
     return None
 

@@ -28,8 +28,8 @@ _TURN: Final = 2.0
 #: Such a residual over the last one at which a fit is repeated.
 _LOWER: Final = 0.8
 _EVALUATIONS: Final = 50
-#: Relative tolerances of cost and parameters until the scales are known, then, and of a fit that
-#: predicts rows left out: 1e-4 of the cost is far below the standard error of their errors.
+#: Relative tolerances of the cost until the scales are known, then, and of a fit that predicts rows
+#: left out: 1e-4 of the cost is far below the standard error of their errors.
 _ROUGH: Final = 1e-3
 _FINE: Final = 1e-6
 _NEAR: Final = 1e-4
@@ -155,6 +155,7 @@ class Residuals:
 
     def begin(self, values: Floats, start: Mapping[str, float]) -> Floats:
         """Initial scaled values from those in SI, with a registered base."""
+        self._tangent = None
         at = self.model.predict(values)
         placed = values.copy()
         self._align(placed, at, start)
@@ -355,13 +356,12 @@ class Search:
                 self.noise = now
             if self.loss != "linear" and self.near is not None and now < 1e3 * self.near / _LOWER:
                 self.turn = _TURN * now
-            self.options = {"ftol": _ROUGH, "xtol": _ROUGH, "max_nfev": _EVALUATIONS}
+            self.options = {"ftol": _ROUGH, "xtol": _FINE, "max_nfev": _EVALUATIONS}
         return self._descend(first)
 
     def run(self, found: Any) -> Any:
         """Return the result of `scipy.optimize.least_squares` at the lowest minimum."""
-        tolerance = _FINE if self.near is None else _NEAR
-        fine = {**self.options, "ftol": tolerance, "xtol": tolerance}
+        fine = {**self.options, "ftol": _FINE if self.near is None else _NEAR}
         found = self._settled(self._lowest(found))
         for _ in range(_RESCALES):  # outliers may widen the scale at first
             if not self._rescale(found) and self.options is fine:

@@ -21,6 +21,7 @@ from bowstring.cli.options import (
 )
 from bowstring.cli.output import Stopped, progress_bar, warn, write_json, write_rich
 from bowstring.errors import InputError
+from bowstring.units import printable
 
 if TYPE_CHECKING:
     from bowstring.fem.run import Settings
@@ -185,7 +186,7 @@ def study(
     out = report.default_folder(robot) if written.out is None else written.out
     folder = of_flag("--out", check_folder, out)
     source = context.params["robot"]
-    robot_file = source if source in robot_names() else str(Path(source).resolve())
+    robot_file = source if source in robot_names() else printable(str(Path(source).resolve()))
     if written.out is None:
         of_flag("--out", lambda it: report.refuse_other_robot(it, robot_file), folder)
     try:

@@ -22,6 +22,7 @@ from bowstring.files.json_files import Content, read_json, structured
 from bowstring.files.result_folder import check_folder, write_listing
 from bowstring.formatting import number, signed
 from bowstring.robot.model import Robot
+from bowstring.robot.reader import robot_names
 from bowstring.study.comparison import COMPARISONS, MEANINGS
 from bowstring.study.correction_code import FILES, Language, correction_code
 from bowstring.study.counterparts import counterparts
@@ -73,7 +74,7 @@ def refuse_other_robot(folder: Path, robot_file: str) -> None:
     ----------
     folder : Path
     robot_file : str
-        As for `write`. A former study without one may be replaced.
+        As for `write`. A former study without one, or of a file that is gone, may be replaced.
 
     Raises
     ------
@@ -84,7 +85,7 @@ def refuse_other_robot(folder: Path, robot_file: str) -> None:
     except (OSError, ValueError):  # no study
         return
     held = former["provenance"].get("robot_file", robot_file)
-    if held != robot_file:
+    if held != robot_file and (held in robot_names() or Path(held).exists()):
         raise InputError(
             f"cannot write the study to {folder}: it holds that of another robot with this name, "
             f"{held}; name another folder"

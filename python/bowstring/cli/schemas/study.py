@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
+from typing_extensions import NotRequired
+
 from bowstring.calibration.bootstrap import Expected
 from bowstring.calibration.model_comparison import ModelComparison
 from bowstring.calibration.residual_tests import NoiseTest
@@ -158,6 +160,9 @@ class StudyProvenance(Object):
     bowstring_version: Annotated[str, about("Version of Bowstring.")]
     robot_hash: Annotated[str, about("Hash of all numbers of the robot file that act in physics.")]
     robot: Annotated[dict[str, Any], about("The [robot file](robot-file.md).")]
+    robot_file: NotRequired[
+        Annotated[str, about("In study.json: path of the robot file, or name of a built-in robot.")]
+    ]
     settings: Annotated[
         dict[str, Any],
         about("Arguments and flags as used, defaults included; units are in the keys."),
