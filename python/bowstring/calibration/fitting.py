@@ -434,8 +434,8 @@ def fit_from(
     """Fit as `fit`, from the best of several starts after a rough descent from each.
 
     The starts have the same names, and differ in values of fitted parameters only. Some may fail,
-    as a play larger than all bends has no effect; the last error is raised if all do. `near` is the
-    noise (m) by a fit to nearly the same rows, which this one is to predict.
+    as a play larger than all bends has no effect; the last error is raised if all do. `near` is for
+    the fits of a cross-validation: the noise (m) of the fit to all rows.
     """
     start, others = starts[0], starts[1:]
     rod = checked_model(robot, model, loss)

@@ -333,8 +333,9 @@ class Residuals:
 class Search:
     """Search for the lowest minimum of a fit, with the scales of loss and priors.
 
-    Residuals of the priors stand behind those of the data. `near` is the noise (m) by a fit to
-    nearly the same rows: such a fit begins with its scale and ends earlier.
+    Residuals of the priors stand behind those of the data. With `near`, the noise (m) of another
+    fit to nearly the same rows, the scale is that of the first residuals if they are as small, and
+    the search ends at a larger tolerance of the cost.
     """
 
     def __init__(
