@@ -23,8 +23,11 @@ from bowstring.calibration import Data, JudgedModel, ModelComparison, compare_mo
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.error_parts import noise_of, parts_of
 from bowstring.calibration.figures import draw_parts
+from bowstring.calibration.folds import part_of_rows
+from bowstring.calibration.memories import Memory, parameters_of, starts_of
 from bowstring.calibration.model_choice import blocks_of, choose, gain
 from bowstring.calibration.model_comparison import ComparisonInterrupted
+from bowstring.calibration.observations import commands
 from bowstring.cli.fit import _comparison_tables, _with_estimate
 from bowstring.data.measurements import Measurements
 from bowstring.errors import InputError, NoSolutionError
@@ -181,7 +184,7 @@ def test_a_memory_that_cannot_be_fitted_has_a_reason(robot: Robot) -> None:
     assert found.memory is None
 
 
-def test_progress_is_reported_before_each_fit_and_can_interrupt(robot: Robot) -> None:
+def test_progress_is_reported_for_each_fit_and_can_interrupt(robot: Robot) -> None:
     data, seen = table(False, "none", 1, 40), list[tuple[str, float]]()
     names = ["base", E]
     compare_models(
@@ -189,7 +192,8 @@ def test_progress_is_reported_before_each_fit_and_can_interrupt(robot: Robot) ->
     )
     shares = [share for _, share in seen]
     assert shares == sorted(shares) and shares[0] == 0.0 and seen[-1] == ("done", 1.0)
-    assert [name for name, _ in seen].count("rod, calibrated") == 6  # all rows, and five folds
+    # before the fit to all rows, after it, and after each of five folds
+    assert [name for name, _ in seen].count("rod, calibrated") == 7
 
     def stop(name: str, share: float) -> None:
         if name == "rod with tendon friction":  # no failure of this memory
@@ -283,6 +287,20 @@ def test_the_loss_is_that_of_all_fits(robot: Robot) -> None:
     begin = {E: alone.values[E]}
     crossed = cross_validate(whole, data, start=begin, folds=2)
     np.testing.assert_array_equal(found["rod_calibrated"].residuals, crossed.residuals)
+
+
+@pytest.mark.parametrize("memory", ["hysteresis", "creep", "friction"])
+def test_folds_end_where_fits_to_their_rows_do(robot: Robot, memory: Memory) -> None:
+    data, names = table(True, memory, 4, 60), ["base", "gain", *parameters_of(memory)]
+    start = starts_of(memory, robot, commands(data, robot))[-1]
+    whole = bs.fit(robot, data, names, start=start)
+    assert whole.converged
+    crossed = cross_validate(whole, data, folds=3, start=whole.values)
+    part, _ = part_of_rows(data, data.displacements, np.ones(len(data), bool), 3)
+    for k in range(3):
+        alone = bs.fit(robot, data, names, start=whole.values, rows=part != k)
+        apart = np.linalg.norm(crossed.residuals - alone.residuals, axis=1)[part == k]
+        assert apart.max() < 0.1 * alone.noise
 
 
 # -- output ---------------------------------------------------------------------------------------

@@ -137,3 +137,27 @@ def test_derivatives_beside_a_row_without_equilibrium() -> None:
     found = model.jacobian(values, at)[at.solved, :, 0]
     apart = one_sided(model, values, 0, 1e-4 * model.unknowns.items[0].step)[at.solved]
     np.testing.assert_allclose(found, apart, rtol=0, atol=2e-3 * np.abs(apart).max())
+
+
+@pytest.mark.parametrize("law", ["none", "hysteresis"])
+@pytest.mark.parametrize("disks", [(29,), (14, 29)])
+def test_a_kept_prediction_serves_other_frames(law: str, disks: tuple[int, ...]) -> None:
+    robot, fitted = with_law(law) if law in LAWS else (three_segments(), [])
+    rows = made_up_displacements(12)
+    commands = Commands(np.ones(rows.shape, bool), rows, np.linspace(0.0, 20.0, len(rows)))
+    names = ["segments.0.backbone.E", "gain", "pitch_radius", "base", "tool", *fitted]
+    names += ["marker.0"] * (len(disks) > 1)
+    unknowns = Unknowns(robot, names)
+    model, fresh = (TipModel(unknowns, commands, RodModel(), disks) for _ in range(2))
+    values = unknowns.start
+    model.jacobian(values, model.predict(values, keep=True))
+    solved = model.solves
+    moved = np.where(model.of_frames, values + np.linspace(0.01, 0.05, len(values)), values)
+    here, there = model.predict(moved, keep=True), fresh.predict(moved, keep=True)
+    np.testing.assert_allclose(here.points, there.points, rtol=0, atol=1e-13)
+    found, expected = model.jacobian(moved, here), fresh.jacobian(moved, there)
+    size = np.abs(expected).max(axis=(0, 1))
+    np.testing.assert_allclose(found / size, expected / size, rtol=0, atol=1e-6)
+    assert model.solves == solved
+    assert model.predict(1.001 * moved, keep=True).points[0, 0, 0] != here.points[0, 0, 0]
+    assert model.solves > solved

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from typing import Any, TypeVar
 
-from bowstring import interrupts
+from bowstring import interrupts, threads
 
 T = TypeVar("T")
 
@@ -53,7 +53,7 @@ def for_each(
     # a daemonic process may not have children
     may_fork = sys.platform == "linux" and not multiprocessing.current_process().daemon
     may_fork = may_fork and sys.modules.keys().isdisjoint(_WITH_THREADS)
-    count = min(_cores(), _MOST, len(items)) if may_fork else 1
+    count = min(threads.cores(), _MOST, len(items)) if may_fork else 1
     done = _in_processes(items, do, count, notify) if count > 1 else set()
     left = [i for i in range(len(items)) if i not in done]
     for before, i in enumerate(left, len(done)):
@@ -64,11 +64,6 @@ def for_each(
             if failed is None or interrupts.is_interrupt(error):
                 raise
             failed(items[i], error)
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def _in_processes(

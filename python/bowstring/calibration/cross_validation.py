@@ -10,11 +10,13 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bowstring import threads
 from bowstring.aliases import Bools, Floats
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import Fit
 from bowstring.calibration.folds import part_of_rows
-from bowstring.calibration.observations import Measured, Score, score
+from bowstring.calibration.observations import Measured, Score, score_of_errors
+from bowstring.calibration.search import Nearby
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.results import Key, Result
@@ -87,7 +89,7 @@ def cross_validate(
     start : mapping of str to float, optional
         Initial values of the fits, as for `fit`; by default those of `found`.
     progress : callable, optional
-        Progress callback, called before each fit with the finished share from 0 to 1.
+        Progress callback, called before the first fit and after each one with the finished share.
 
     Returns
     -------
@@ -97,7 +99,8 @@ def cross_validate(
     Notes
     -----
     The fits end where the cost changes by less than a part in 10 000, which changes the errors of
-    the rows left out by far less than their standard error.
+    the rows left out by far less than their standard error. Those with a memory begin with the same
+    derivatives, update them, and end by new ones. Folds run on all cores.
     """
     robot, again = found.robot, found.again
     if start is not None:
@@ -108,16 +111,22 @@ def cross_validate(
     fitted = observations.fitted_rows(rows, points)
     used = fitted & np.isfinite(measured).all(axis=1)
     part, group = part_of_rows(data, commands.values, used, folds)
-    predicted = np.full_like(measured, np.nan)
+    residuals = np.full_like(measured, np.nan)
+    near = Nearby(found.noise)
+    notify = progress or (lambda share: None)
+
+    def without(k: int) -> Fit:
+        return again(data=data, rows=fitted & (part != k), near=near)
+
+    notify(0.0)
+    first_fold = without(0)  # makes what the others share
+    notify(1 / folds)
+    fits = threads.results(without, range(1, int(folds)), lambda done: notify((1 + done) / folds))
     scores, labels, converged = [], [], True
-    for k in range(int(folds)):
-        if progress is not None:
-            progress(k / folds)
-        out = used & (part == k)
-        others = fitted & (part != k)
-        alone = again(data=data, rows=others, near=found.noise)
-        predicted[out] = alone.predict(data)[out]
-        scores.append(score(predicted[out], measured[out]))
+    for k, alone in enumerate([first_fold, *fits]):
+        out, others = used & (part == k), fitted & (part != k)
+        residuals[out] = alone.residuals[out]
+        scores.append(score_of_errors(residuals[out]))
         names = list(dict.fromkeys(group[out].tolist()))
         first, last = 1 + np.flatnonzero(out)[[0, -1]]
         if len(names) > 1:
@@ -130,9 +139,9 @@ def cross_validate(
     return CrossValidation(
         folds=tuple(scores),
         labels=tuple(labels),
-        score=score(predicted[used], measured[used]),
-        residuals=predicted - measured,
-        without_solution=int(np.isnan(predicted[used]).any(axis=1).sum()),
+        score=score_of_errors(residuals[used]),
+        residuals=residuals,
+        without_solution=int(np.isnan(residuals[used]).any(axis=1).sum()),
         converged=converged,
     )
 

@@ -16,16 +16,24 @@ from typing import Annotated, Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bowstring import threads
 from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration import observations
 from bowstring.calibration.bootstrap import Linear
 from bowstring.calibration.folds import parts
 from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty, profile_ends
-from bowstring.calibration.observations import AllPoints, Measured, Points, PointScore, Score, score
+from bowstring.calibration.observations import (
+    AllPoints,
+    Measured,
+    Points,
+    PointScore,
+    Score,
+    score_of_errors,
+)
 from bowstring.calibration.parameters import Unknowns, initial_of, marker_of
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.priors import PriorChoice, Priors, read_priors
-from bowstring.calibration.search import Residuals, Search, spread
+from bowstring.calibration.search import Nearby, Residuals, Search, spread
 from bowstring.calibration.tip_model import Commands, Prediction, TipModel
 from bowstring.data.rigid import align
 from bowstring.errors import BowstringError, InputError
@@ -429,15 +437,14 @@ def fit_from(
     rows: ArrayLike | None = None,
     loss: Loss = "soft_l1",
     priors: PriorChoice = None,
-    near: float | None = None,
+    near: Nearby | None = None,
 ) -> Fit:
     """Fit as `fit`, from the best of several starts after a rough descent from each.
 
     The starts have the same names, and differ in values of fitted parameters only. Some may fail,
-    as a play larger than all bends has no effect; the last error is raised if all do. `near` is for
-    the fits of a cross-validation: the noise (m) of the fit to all rows.
+    as a play larger than all bends has no effect; the last error is raised if all do.
     """
-    start, others = starts[0], starts[1:]
+    start = starts[0]
     rod = checked_model(robot, model, loss)
     said = dict(zip(("tool.x", "tool.y", "tool.z"), observations.tool(data).tolist(), strict=True))
     begin = {name: value for name, value in said.items() if value} | dict(start)
@@ -467,35 +474,29 @@ def fit_from(
             f"{what} too few for {prior.free} parameters; measure at least as many, or fit fewer"
         )
     sigma = observations.sigmas(data, len(commands))
-    model_of_points = TipModel(unknowns, commands, rod, points.disks)
-    work = Residuals(
-        model_of_points, points.measured, used, sigma, prior, getattr(data, "line", None)
-    )
-    search = Search(work, loss, observations.groups(data, len(commands)), near)
+    group = observations.groups(data, len(commands))
+    line, shared = getattr(data, "line", None), near.shared if near else None
     of_others = {k: v for k, v in deviations.items() if not _is_friction(k)}
     again = partial(fit, data=data, rows=rows, loss=loss, model=rod, priors=of_others)
-    values = [unknowns.start]
-    for one in others:
-        values.append(Unknowns(robot, parameters, begin | dict(one), by_tension=by_tension).start)
-    ends, errors = [], []
-    for each, one in zip(values, starts, strict=True):
+
+    def attempt(start: Mapping[str, float]) -> tuple[Search, Any] | BowstringError:
+        """Rough descent from a start."""
+        own = Unknowns(robot, parameters, begin | dict(start), by_tension=by_tension)
+        of_points = TipModel(own, commands, rod, points.disks, shared)
+        work = Residuals(of_points, points.measured, used, sigma, prior, line)
+        search = Search(work, loss, group, near)
         try:
-            first = work.begin(each, one)
+            first = work.begin(own.start, start)
             work.take(first)
             if rod is not None and commands.by_displacement.any() and work.has_friction(first):
-                first = _from_frictionless(work, first, robot, one, again)
+                first = _from_frictionless(work, first, robot, start, again)
             work.refuse_without_effect(first)
-            rough = search.begin(first)
-            if work.take(rough.x):
-                rough = search.begin(rough.x)
-            ends.append((rough, work.before, each, one))
+            return search, search.begin(first)
         except BowstringError as error:
-            errors.append(error)
-    if not ends:
-        raise errors[-1]
-    rough, work.before, best, start = min(ends, key=lambda end: end[0].cost / end[0].fun.size)
-    unknowns.start_at(best)
-    work.take(rough.x)
+            return error
+
+    tried = threads.results(attempt, starts)
+    search, rough, start = _best(tried, starts)
     found = search.run(rough)
     own = {*unknowns.names, *start}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
@@ -503,6 +504,21 @@ def fit_from(
     given: dict[str, Any] = {"model": model, "loss": loss, "priors": priors}
     same = partial(fit_from, starts=[start], robot=robot, parameters=parameters, **given)
     return _result(search, found, tool_said, points, part, same)
+
+
+def _best(
+    tried: Sequence[tuple[Search, Any] | BowstringError], starts: Sequence[Mapping[str, float]]
+) -> tuple[Search, Any, Mapping[str, float]]:
+    """Search whose rough descent has the least mean square, its end and its start."""
+    ends = [
+        (*end, start) for end, start in zip(tried, starts, strict=True) if isinstance(end, tuple)
+    ]
+    if not ends:
+        raise next(error for error in reversed(tried) if isinstance(error, BowstringError))
+    noise = min(search.noise for search, _, _ in ends)
+    best = min(ends, key=lambda end: end[0].mean_square(end[1].x, noise))
+    best[0].work.model.solves = sum(search.work.model.solves for search, _, _ in ends)
+    return best
 
 
 def checked_model(
@@ -743,7 +759,7 @@ def _score_of(errors: Floats) -> Score:
     flat = errors.reshape(-1, 3)
     if not np.isfinite(flat).all(axis=1).any():
         return Score(0, *[np.nan] * 5)
-    return score(flat, np.zeros_like(flat))
+    return score_of_errors(flat)
 
 
 def _points(

@@ -34,7 +34,7 @@ from bowstring.calibration.model_choice import (
     choose,
     gain,
 )
-from bowstring.calibration.observations import Score, score
+from bowstring.calibration.observations import Score, score_of_errors
 from bowstring.calibration.parameters import Unknowns, initial_of
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.priors import PriorChoice, default_priors, read_priors
@@ -581,4 +581,4 @@ def _foldable(data: Measurements, used: Bools, folds: int) -> Measurements:
 def _score(residuals: Floats, model: _Candidate) -> Score:
     if not np.isfinite(residuals).all(axis=1).any():
         raise NoSolutionError(f"{_CALLED[model.name]} has no solution for any row")
-    return score(residuals, np.zeros_like(residuals))
+    return score_of_errors(residuals)

@@ -192,7 +192,12 @@ def score(predicted: ArrayLike, measured: ArrayLike) -> Score:
     a, b = np.asarray(predicted, dtype=float), np.asarray(measured, dtype=float)
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
         raise InputError(f"points have shapes {a.shape} and {b.shape}, both must be (K, 3)")
-    error = (a - b)[np.isfinite(a - b).all(axis=1)]
+    return score_of_errors(a - b)
+
+
+def score_of_errors(errors: Floats) -> Score:
+    """Score of predicted minus measured points (K, 3) in m; rows with NaN are left out."""
+    error = errors[np.isfinite(errors).all(axis=1)]
     if not len(error):
         raise InputError("there is no row with both a predicted and a measured point")
     plain = np.linalg.norm(error, axis=1)

@@ -192,6 +192,11 @@ class Setting:
     bend_gain: Floats
     initial: Mapping[int, Floats]
 
+    def in_frames_of(self, other: Setting) -> Setting:
+        """Return this setting with the base and the offsets of the points of another one."""
+        names = ("position", "turn", "tool", "markers")
+        return replace(self, **{name: getattr(other, name) for name in names})
+
     def before(
         self, path: int, by_displacement: Bools, first: Floats
     ) -> tuple[Bools, Floats] | None:
@@ -304,11 +309,6 @@ class Unknowns:
     def start(self) -> Floats:
         """Start values (P,) in SI."""
         return np.array([item.start for item in self.items])
-
-    def start_at(self, values: Floats) -> None:
-        """Replace the start values."""
-        starts = zip(self.items, values.tolist(), strict=True)
-        self.items[:] = [replace(item, start=value) for item, value in starts]
 
     def refuse_without_effect(self, name: str, *, arcs: bool) -> None:
         """Raise `InputError` for a parameter that is known to have no effect."""

@@ -8,13 +8,14 @@ natural steps.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring import threads
 from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration.intervals import EXACT, SAME, Dependence, Uncertainty
 from bowstring.calibration.pieces import Landscape, Loss, Pieces, influence, rho
@@ -78,6 +79,16 @@ def robust(loss: Loss, turn: float, count: int) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
+class Nearby:
+    """A fit to nearly the same rows, at whose end others begin: those of a cross-validation."""
+
+    noise: float
+    """Its noise, m."""
+    shared: dict[bytes, Prediction] = field(default_factory=dict)
+    """The first prediction of all of them, see `TipModel`."""
+
+
+@dataclass(frozen=True)
 class _Tangent:
     """Residuals and their Jacobian at a point."""
 
@@ -95,9 +106,9 @@ class Residuals:
     left out (`take`); where rows lose it later, their residuals are extrapolated by the last
     derivatives.
 
-    With friction a derivative needs a path over all rows for each parameter. Later derivatives,
-    except by parameters of frames, are therefore Broyden updates (Math. Comp. 19, 1965), until they
-    are renewed.
+    With friction a derivative needs a path over all rows for each parameter, and a fit that begins
+    near its end hardly changes them. Later derivatives, except by parameters of frames, are then
+    Broyden updates (Math. Comp. 19, 1965), until they are renewed.
     """
 
     def __init__(
@@ -124,7 +135,7 @@ class Residuals:
         self.high = np.array([item.high for item in self.items]) / self.step
         self._last: tuple[Floats, Prediction] | None = None
         self._tangent: _Tangent | None = None
-        #: Whether derivatives with friction are updated, not renewed, after a step.
+        #: Whether derivatives that take long are updated, not renewed, after a step.
         self.corrects = True
         #: Why the robot refused a step of the last descent; empty if it refused none.
         self.refused = ""
@@ -156,7 +167,8 @@ class Residuals:
     def begin(self, values: Floats, start: Mapping[str, float]) -> Floats:
         """Initial scaled values from those in SI, with a registered base."""
         self._tangent = None
-        at = self.model.predict(values)
+        keep = self.model.rod is not None
+        at = self.model.predict(values, keep=keep)
         placed = values.copy()
         self._align(placed, at, start)
         placed_at = replace(at, setting=self.model.unknowns.setting(placed))
@@ -164,7 +176,7 @@ class Residuals:
         low = np.array([item.low for item in self.items])
         inside = np.where(values <= low, low + 0.5 * self.step, values)
         if (inside != values).any():
-            values, at = inside, self.model.predict(inside)
+            values, at = inside, self.model.predict(inside, keep=keep)
         values, at = self._softened(values, at)
         failed = np.flatnonzero(~at.solved & self.asked)
         if failed.size > _MOST_LOST * self.asked.sum():
@@ -189,7 +201,7 @@ class Residuals:
             if not lost:
                 break
             tried = np.where(soft, np.maximum(values, least), values)
-            found = self.model.predict(tried)
+            found = self.model.predict(tried, keep=True)
             if (~found.solved & self.asked).sum() < lost:
                 values, at = tried, found
         return values, at
@@ -222,6 +234,7 @@ class Residuals:
 
     def prediction(self, scaled: Floats) -> Prediction:
         """Predict all rows, with a cache for derivatives."""
+        threads.check()
         if self._last is None or not np.array_equal(self._last[0], scaled):
             at = self.model.predict(scaled * self.step, keep=self.model.rod is not None)
             self._last = scaled.copy(), at
@@ -252,7 +265,7 @@ class Residuals:
             return last.jacobian
         residuals, at = self.residuals(scaled), self.prediction(scaled)
         jacobian = None
-        if last is not None and not here and self.corrects and at.setting.robot.has_friction:
+        if last is not None and not here and self.corrects and self._take_long(at):
             step = residuals - last.residuals
             missed = step - last.jacobian @ (scaled - last.scaled)
             if np.linalg.norm(missed) < _FORETOLD * np.linalg.norm(step):
@@ -282,10 +295,6 @@ class Residuals:
         jacobian[:, frames] = exact[:, frames]
         return jacobian
 
-    def clearly_below(self, cost: float) -> float:
-        """Cost below which a minimum counts as lower."""
-        return cost - max(_GAIN[0] * cost, _GAIN[1] * self.variance(cost))
-
     def variance(self, cost: float) -> float:
         """Variance of a residual, mm^2, at least that of data without noise."""
         free = max(self.count - self.priors.free, 1)
@@ -294,6 +303,15 @@ class Residuals:
     def has_friction(self, scaled: Floats) -> bool:
         """Whether the robot with these parameters has friction."""
         return self.prediction(scaled).setting.robot.has_friction
+
+    def is_updated(self, scaled: Floats) -> bool:
+        """Whether derivatives are updated after a step to these parameters."""
+        return self._take_long(self.prediction(scaled))
+
+    def _take_long(self, at: Prediction) -> bool:
+        """Whether new derivatives take longer than the steps that they save."""
+        robot = at.setting.robot
+        return robot.has_friction or (self.model.shared is not None and robot.has_memory)
 
     def refuse_without_effect(self, scaled: Floats) -> None:
         """Raise `InputError` for a parameter without prior and without effect in the used rows."""
@@ -333,13 +351,13 @@ class Residuals:
 class Search:
     """Search for the lowest minimum of a fit, with the scales of loss and priors.
 
-    Residuals of the priors stand behind those of the data. With `near`, the noise (m) of another
-    fit to nearly the same rows, the scale is that of the first residuals if they are as small, and
-    the search ends at a larger tolerance of the cost.
+    Residuals of the priors stand behind those of the data. Near the end of another fit to nearly
+    the same rows, the scale is that of the first residuals if they are as small, and the search
+    ends at a larger tolerance of the cost.
     """
 
     def __init__(
-        self, work: Residuals, loss: Loss, group: NDArray[Any], near: float | None = None
+        self, work: Residuals, loss: Loss, group: NDArray[Any], near: Nearby | None = None
     ) -> None:
         self.work, self.loss, self.group, self.near = work, loss, group, near
         #: Residual at which a robust loss turns linear, mm; infinite for the quadratic loss.
@@ -350,26 +368,39 @@ class Search:
         self._land: tuple[object, Landscape | None] | None = None
 
     def begin(self, first: Floats) -> Any:
-        """Descend roughly, with scales of the first start, which come down."""
-        if not self.options:
-            now = max(spread(self.work.residuals(first), 0), 1e3 * EXACT)
-            if self.work.priors.known.any():
-                self.noise = now
-            if self.loss != "linear" and self.near is not None and now < 1e3 * self.near / _LOWER:
-                self.turn = _TURN * now
-            self.options = {"ftol": _ROUGH, "xtol": _FINE, "max_nfev": _EVALUATIONS}
-        return self._descend(first)
+        """Descend roughly, with scales of the start, which come down."""
+        now = max(spread(self.work.residuals(first), 0), 1e3 * EXACT)
+        if self.work.priors.known.any():
+            self.noise = now
+        if self.loss != "linear" and self.near and now < 1e3 * self.near.noise / _LOWER:
+            self.turn = _TURN * now
+        self.options = {"ftol": _ROUGH, "xtol": _FINE, "max_nfev": _EVALUATIONS}
+        rough = self._descend(first)
+        return self._descend(rough.x) if self.work.take(rough.x) else rough
+
+    def mean_square(self, scaled: Floats, noise: float) -> float:
+        """Mean square of the residuals of data and priors, these with a noise (mm)."""
+        own = self.work.priors.residuals(scaled, noise)
+        return float((np.concatenate([self.work.residuals(scaled), own]) ** 2).mean())
 
     def run(self, found: Any) -> Any:
         """Return the result of `scipy.optimize.least_squares` at the lowest minimum."""
-        fine = {**self.options, "ftol": _FINE if self.near is None else _NEAR}
-        found = self._settled(self._lowest(found))
+        fine = {**self.options, "ftol": _NEAR if self.near else _FINE}
+        if self.near is None:
+            found = self._settled(self._lowest(found))
         for _ in range(_RESCALES):  # outliers may widen the scale at first
-            if not self._rescale(found) and self.options is fine:
+            if not self._rescale(found) and (self.options is fine or self._is_near(found)):
                 break
             self.options = fine
             found = self._descend(found.x)
         return self._settled(self._lowest(found))
+
+    def _is_near(self, found: Any) -> bool:
+        """Whether a search near the end of another one has ended, by new derivatives."""
+        if self.near is None:
+            return False
+        self.work.jacobian(found.x, renew=True)
+        return bool(self.decrease(found) <= _NEAR * found.cost)
 
     def _rescale(self, found: Any) -> bool:
         """Estimate the scales of loss and priors anew; return whether they changed by much."""
@@ -443,6 +474,12 @@ class Search:
         step = np.linalg.lstsq(root[:, None] * jacobian, by / root, rcond=SAME)[0]
         return float(0.5 * (jacobian @ step) @ by)
 
+    def _clearly_below(self, cost: float) -> float:
+        """Cost below which a minimum counts as lower."""
+        if self.near:
+            return cost - _NEAR * cost
+        return cost - max(_GAIN[0] * cost, _GAIN[1] * self.work.variance(cost))
+
     def _descend(self, begin: Floats) -> Any:
         from scipy.optimize import least_squares
 
@@ -462,7 +499,7 @@ class Search:
     def _lowest(self, found: Any) -> Any:
         """Continue from a minimum to lower ones with other tendons taut or slack."""
         for _ in range(_PASSES):
-            land, lower = self.landscape(found.x), self.work.clearly_below(found.cost)
+            land, lower = self.landscape(found.x), self._clearly_below(found.cost)
             minima = [] if land is None else [each for each in land.minima if each.cost < lower]
             ends = (self._descend(found.x + each.change) for each in minima[:_TRIED])
             better = next((end for end in ends if end.cost < lower), None)
@@ -478,13 +515,14 @@ class Search:
             if self.work.take(found.x):
                 found = self._descend(found.x)
                 continue
-            if not self.work.has_friction(found.x):
+            if not self.work.is_updated(found.x):
                 break
             self.work.jacobian(found.x, renew=True)
-            if self.decrease(found) <= _SETTLED * len(found.x) * self.work.variance(found.cost):
+            least = _SETTLED * len(found.x) * self.work.variance(found.cost)
+            if self.decrease(found) <= least or self._is_near(found):
                 break
             better = self._descend(found.x)
-            stuck = better.cost > self.work.clearly_below(found.cost)
+            stuck = better.cost > self._clearly_below(found.cost)
             found = better if better.cost < found.cost else found
             if stuck and self.options["xtol"] > _TIGHT:
                 self.options = {**self.options, "ftol": _TIGHT, "xtol": _TIGHT}

@@ -7,9 +7,7 @@ number of rows, M that of measured points in a row, T that of tendons, P that of
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final
@@ -17,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring import threads
 from bowstring._core import Linearised
 from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration.parameters import TENDON_PROPERTIES, Setting, Unknown, Unknowns
@@ -41,8 +40,6 @@ _AT_REST: Final = 1e15
 _FRAMES: Final = ("base.", "tool.", "marker.")
 #: Moment on a disk for a derivative, over bending stiffness and length.
 _PROBE: Final = 1e-4
-#: Parts of the work of each core, so that all end at the same time.
-_PARTS: Final = 8
 #: Number of neighbours from which the solution of a failed row is continued.
 _NEIGHBOURS: Final = 2
 
@@ -188,28 +185,29 @@ class Prediction:
         Rows in which the model has a solution.
     setting : Setting
         Parameter values of the prediction.
-    solutions : list or None
-        Solutions of the core, kept for derivatives; without a pose where not solved.
+    solutions : Solutions or None
+        Solutions of the core, kept for derivatives.
     tensions, slack : ndarray (K, T) or None
         Tensions (N) and slack lengths (m) by statics.
     disks : tuple of int
         Disks of the measured points, from 0; empty for the end disk alone.
+    moved : dict of Moved
+        Predictions with another value of a parameter, by its number; computed on demand, and shared
+        with predictions that differ in the frames.
     columns : list
         Derivatives by each parameter, computed on demand.
-    along : dict of ndarray (K, 3 M) or None
-        Derivatives by parameters from perturbed paths.
     """
 
     position: Floats
     rotation: Floats
     solved: Bools
     setting: Setting
-    solutions: list[Any] | None = None
+    solutions: Solutions | None = None
     tensions: Floats | None = None
     slack: Floats | None = None
     disks: tuple[int, ...] = ()
-    columns: list[_Column] = field(default_factory=list, repr=False)
-    along: dict[int, Floats] | None = None
+    moved: dict[int, Moved] = field(default_factory=dict, repr=False)
+    columns: list[_Column] = field(default_factory=list, repr=False, init=False)
 
     @cached_property
     def exact(self) -> _Exact | None:
@@ -239,6 +237,41 @@ class Prediction:
         """Coordinates (K, 3 M) of the measured points in the measuring frame, m."""
         return self.points.reshape(len(self.position), -1)
 
+    def in_frames_of(self, other: Prediction) -> Prediction:
+        """Return this prediction with the base and the offsets of another one."""
+        return replace(self, setting=self.setting.in_frames_of(other.setting))
+
+
+class Solutions(list[Any]):
+    """Solutions of the core for rows (K,), without a pose where not solved."""
+
+    @cached_property
+    def jacobians(self) -> list[Any]:
+        """Derivatives of each row, None where the displacements do not determine the tensions."""
+        return threads.in_parts(lambda s: s.jacobians(gravity=True) if s.converged else None, self)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Predictions with a larger and a smaller value of a parameter, and the difference of both."""
+
+    above: Prediction
+    below: Prediction
+    difference: float
+
+    def derivative(self, at: Prediction) -> Floats:
+        """Derivatives (K, 3 M + 2 T) of coordinates, tensions and slack lengths by the parameter.
+
+        In the frames of a prediction; of coordinates alone for arcs.
+        """
+        above, below = (_state(each.in_frames_of(at)) for each in (self.above, self.below))
+        return np.asarray((above - below) / self.difference)
+
+
+def _state(at: Prediction) -> Floats:
+    found = (at.coordinates, at.tensions, at.slack)
+    return np.concatenate([each for each in found if each is not None], axis=1)
+
 
 class TipModel:
     """Measured points as a function of the parameters.
@@ -251,6 +284,9 @@ class TipModel:
         Statics, by default with one element; None means constant curvature.
     disks : sequence of int, optional
         Disk of each measured point, from 0; by default one point on the end disk, the tip.
+    shared : dict, optional
+        First prediction, by its parameters, of all models of these rows that are given the same
+        dictionary: fits that begin at the same values.
     """
 
     def __init__(
@@ -259,6 +295,7 @@ class TipModel:
         commands: Commands,
         rod: RodModel | None,
         disks: Sequence[int] | None = None,
+        shared: dict[bytes, Prediction] | None = None,
     ) -> None:
         end = len(unknowns.robot.disks.station_m) - 1
         self.disks = (end,) if disks is None else tuple(disks)
@@ -269,9 +306,14 @@ class TipModel:
             commands.clock()
         self.rod = None if rod is None else rod.replace(elements=rod.elements or 1)
         self.solves = 0
+        self.shared = shared
+        self._last: dict[bytes, Prediction] = {}
 
     def predict(self, values: Floats, *, keep: bool = False) -> Prediction:
         """Predict the poses of the disks for values (P,) of the parameters.
+
+        A prediction that is kept for its derivatives serves until the next one, also where the
+        frames change, which do not move the robot.
 
         Raises
         ------
@@ -279,10 +321,21 @@ class TipModel:
             If the robot would be invalid.
         """
         setting = self.unknowns.setting(values)
-        given = self.commands.effective(setting)
+        key = np.where(self.of_frames, 0.0, values).tobytes()
+        known = self._last.get(key) or (self.shared or {}).get(key)
+        if known is None:
+            known = self._predicted(values, setting, keep)
+            if keep:
+                self._last = {key: known}
+        if keep and self.shared is not None and not self.shared:
+            self.shared[key] = known
+        return replace(known, setting=setting)
+
+    def _predicted(self, values: Floats, setting: Setting, keep: bool) -> Prediction:
         if self.rod is not None and keep and self._are_cheap(setting):
             return self._along_paths(values, setting)
         self.solves += 1
+        given = self.commands.effective(setting)
         if self.rod is None:
             return self._arcs(setting, given)
         return self._rod(self.rod, setting, given, keep)
@@ -343,19 +396,10 @@ class TipModel:
     def _columns(self, values: Floats, at: Prediction) -> list[_Column]:
         """Derivatives by each parameter, stored in the prediction."""
         if not at.columns:
-            known = at.along or {}
             memory = self.rod is not None and at.setting.robot.has_memory
-            if memory and at.along is None and not self.of_frames.all():
-                known = self._along_paths(values, at.setting).along or {}
-            none = np.zeros(self.commands.values.shape)
-            for i in range(len(values)):
-                change = known.get(i)
-                column = (
-                    self._column(i, values, at)
-                    if change is None
-                    else _Column(change, change, none, none)
-                )
-                at.columns.append(column)
+            if memory and not at.moved and not self.of_frames.all():
+                at.moved.update(self._along_paths(values, at.setting).moved)
+            at.columns.extend(self._column(i, values, at) for i in range(len(values)))
         return at.columns
 
     # -- the models --------------------------------------------------------------------------
@@ -378,8 +422,8 @@ class TipModel:
                 found.append(own.step(held, row, _NO_LOAD))
             return found
 
-        parts = np.array_split(np.arange(len(given)), os.cpu_count() or 1)
-        solutions = [each for part in _on_threads(from_home, parts) for each in part]
+        parts = np.array_split(np.arange(len(given)), threads.free_cores())
+        solutions = Solutions(s for part in threads.results(from_home, parts) for s in part)
         solved = np.array([s.converged for s in solutions])
         _continue_from_neighbours(core, by_displacement, given, solutions, solved)
         found = {
@@ -519,21 +563,14 @@ class TipModel:
                     by_home = by_home - per * exact.lengths_by_file[known][:, :, j]
                 return exact.column(still, by_home, none)
 
-        self.solves += 2
-        change = self._difference(i, values, self._state)
-        return self._by_differences(change, at)
-
-    def _state(self, setting: Setting) -> Floats:
-        """Coordinates, tensions and slack lengths (K, 3 M + 2 T); of arcs coordinates only."""
-        given = self.commands.effective(setting)
-        if self.rod is None:
-            return self._arcs(setting, given).coordinates
-        found = self._rod(self.rod, setting, given, False)
-        assert found.tensions is not None and found.slack is not None
-        return np.concatenate((found.coordinates, found.tensions, found.slack), axis=1)
+        if i not in at.moved:
+            (above, high), (below, low) = self._sides(i, values, _SMALL)
+            larger, smaller = (self._predicted(values, each, False) for each in (above, below))
+            at.moved[i] = Moved(larger, smaller, high - low)
+        return self._by_differences(at.moved[i].derivative(at), at)
 
     def _by_differences(self, change: Floats, at: Prediction) -> _Column:
-        """Convert central differences of `_state` to derivatives."""
+        """Convert derivatives of all quantities to those at constant tensions."""
         exact = at.exact
         none = np.zeros(self.commands.values.shape)
         size = 3 * len(self.disks)
@@ -550,23 +587,22 @@ class TipModel:
     def _are_cheap(self, setting: Setting) -> bool:
         """Whether derivatives along paths take less time with a prediction than after it.
 
-        With friction most of them are not needed (`bowstring.calibration.search.Residuals`).
+        With friction, and in fits that begin near their end, most of them are not needed
+        (`bowstring.calibration.search.Residuals`).
         """
         robot, count = setting.robot, int((~self.of_frames).sum())
-        return (
-            robot.has_memory and not robot.has_friction and 0 < count <= 2 * (os.cpu_count() or 1)
-        )
+        needed = robot.has_memory and not robot.has_friction and self.shared is None
+        return needed and 0 < count <= 2 * threads.free_cores()
 
     def _along_paths(self, values: Floats, setting: Setting) -> Prediction:
         """Predict with derivatives by all parameters except those of frames."""
         moved = [self._perturbed(int(i), values) for i in np.flatnonzero(~self.of_frames)]
-        cores = os.cpu_count() or 1
+        cores = threads.free_cores()
         parts = [part for k in range(cores) if (part := moved[k::cores])]
         self.solves += 1 + len(moved)
-        each = _on_threads(lambda part: self._changes(part, setting), parts)
-        along = {i: change for part in each for i, change in part[1]}
+        each = threads.results(lambda part: self._changes(part, setting), parts)
         at: Prediction = each[0][0]
-        return replace(at, along=along)
+        return replace(at, moved={i: moved for part in each for i, moved in part[1]})
 
     def _perturbed(self, i: int, values: Floats) -> tuple[int, Setting, float]:
         """A parameter, the setting with another value of it, and by how much this is larger."""
@@ -578,15 +614,13 @@ class TipModel:
 
     def _changes(
         self, moved: list[tuple[int, Setting, float]], setting: Setting
-    ) -> tuple[Prediction, list[tuple[int, Floats]]]:
-        """Prediction, some parameters, and derivatives (K, 3 M) from one-sided differences."""
+    ) -> tuple[Prediction, list[tuple[int, Moved]]]:
+        """Prediction, and those with other values of some parameters."""
         settings = [setting, *(each for _, each, _ in moved)]
         paths = zip(settings, self._follow_perturbed(settings), strict=True)
         at, *others = [self._of_rows(*each) for each in paths]
-        changes = [
-            (o.coordinates - at.coordinates) / m[2] for o, m in zip(others, moved, strict=True)
-        ]
-        return at, [(i, change) for (i, _, _), change in zip(moved, changes, strict=True)]
+        pairs = zip(moved, others, strict=True)
+        return at, [(i, Moved(other, at, difference)) for (i, _, difference), other in pairs]
 
     def _follow_perturbed(self, settings: Sequence[Setting]) -> list[dict[str, Floats]]:
         """Arrays of all rows by each setting, of which the first is the nominal one."""
@@ -645,16 +679,6 @@ class TipModel:
             return self.unknowns.setting(moved), float(moved[i])
         except BowstringError:  # the robot is invalid on this side
             return self.unknowns.setting(values), float(values[i])
-
-
-def _on_threads(task: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
-    """Results of a task of the core for each item, in order."""
-    cores = os.cpu_count() or 1
-    share = -(-len(items) // (_PARTS * cores))  # a thread's start takes as long as a small task
-    starts = range(0, len(items), max(share, 1))
-    with ThreadPoolExecutor(max_workers=cores) as pool:
-        parts = pool.map(lambda k: [task(each) for each in items[k : k + share]], starts)
-        return [each for part in parts for each in part]
 
 
 def _continue_from_neighbours(
@@ -786,7 +810,7 @@ class _Reciprocal:
                 both = np.stack([self.tensions[k]] * 2)
                 return -core.along(None, both, load, places, weights)[0][lengths]
 
-            table[:, axis] = _on_threads(shortened, range(len(self.cores)))
+            table[:, axis] = threads.in_parts(shortened, range(len(self.cores)))
         return table
 
 
@@ -821,14 +845,12 @@ class _Exact:
     bends: Floats
 
     @classmethod
-    def of(cls, solutions: list[Any], at: Prediction) -> _Exact | None:
+    def of(cls, solutions: Solutions, at: Prediction) -> _Exact | None:
         """Make derivatives; None where the displacements do not determine the tensions."""
         if not at.solved.any():
             return None
-        each = _on_threads(
-            lambda s: s.jacobians(gravity=True),
-            [s for s, solved in zip(solutions, at.solved, strict=True) if solved],
-        )
+        every = zip(solutions.jacobians, at.solved, strict=True)
+        each = [found for found, solved in every if solved]
         if any(found is None for found in each):
             return None
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import shutil
-import sys
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from bowstring import threads
 from bowstring._core import __version__, instructions
 from bowstring.cli.options import AsJson
 from bowstring.cli.output import new_table, progress_bar, write_json, write_tables
@@ -84,7 +83,7 @@ def facts() -> schema.Machine:
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
         "instructions": instructions(),
-        "cores": len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1,
+        "cores": threads.cores(),
     }
 
 
