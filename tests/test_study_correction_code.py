@@ -284,6 +284,21 @@ def test_each_input_has_its_better_correction(
     _same_numbers(study, "SEGMENTS", "function list")
 
 
+def test_answer_and_code_have_the_correction_that_holds_farther(
+    paper: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From force, neither over the whole sweep."""
+    monkeypatch.setattr(correction_polynomial, "_RANGES", (0.25,))
+    stages = Stages(bs.load_robot(EXAMPLES / "small.yaml"), tendon=1, max_tension=6.0)
+    verdict = stages.judged(paper.budget)
+    (_, m), end = verdict.meanings, verdict.meanings[1].corrected.valid_to
+    assert m.polynomial is None and end is not None and 1.5 < end < 6.0
+    assert f"corrected: up to {end:.3g} N" in m.answer
+    code = correction_code(replace(stages.over(paper), verdict=verdict), "python")
+    said = " ".join(code.split())
+    assert re.search(rf"From tensions: constant curvature, corrected: .* up to {end:.3g} N", said)
+
+
 def test_an_input_without_a_correction_has_no_code(paper: Study) -> None:
     stages = Stages(bs.load_robot("amouri2019", FITTED["bent without load"]), tendon=1)
     verdict = stages.judged(paper.budget)

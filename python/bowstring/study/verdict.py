@@ -86,9 +86,9 @@ class Meaning(Range):
     corrected: Annotated[Range, Key()]
     """The same with the correction in closed form."""
     polynomial: TipPolynomial | None
-    """The tip as a polynomial; None where the corrected arc in closed form serves, or the corrected
-    arcs from lengths and from force both keep within the tolerance, and where no polynomial does.
-    """
+    """The tip as a polynomial; None where the corrected arc in closed form holds farther, or the
+    corrected arcs from lengths and from force both keep within the tolerance, and where no
+    polynomial does."""
     polynomial_to: float | None
     """Tension of the sweep up to which the polynomial is fitted, N; None without one."""
     answer: Annotated[str, Key()]
@@ -103,9 +103,8 @@ class Meaning(Range):
 
     @property
     def corrected_serves(self) -> bool:
-        """Whether the corrected arc holds over the whole sweep, farther than the polynomial."""
-        end = self.corrected.valid_to or 0.0
-        return self.corrected.valid_throughout and (self.polynomial_to or 0.0) < 0.999 * end
+        """Whether the corrected arc holds farther than the polynomial."""
+        return (self.polynomial_to or 0.0) < 0.999 * (self.corrected.valid_to or 0.0)
 
     @property
     def cause(self) -> Annotated[str | None, Key("dominant_cause")]:
@@ -335,10 +334,11 @@ def _answer(m: Meaning, top: float) -> str:
         named = [s for s in m.shares if s.share > 0.5 * cause.share]
         words += f", {part} {listed([EFFECTS[s.effect].because for s in named])}"
     fit, end = m.polynomial, m.polynomial_to or 0.0
-    if fit is not None and end > (m.valid_to or 0.0) and not m.corrected_serves:
-        error = in_mm(fit.max_error)
-        yes = "yes, " if math.isclose(end, top) else ""
-        words += f"; by a polynomial: {yes}up to {significant(end)} N (largest error {error})"
+    if fit is not None and not m.corrected_serves:
+        if end > (m.valid_to or 0.0):
+            error = in_mm(fit.max_error)
+            yes = "yes, " if math.isclose(end, top) else ""
+            words += f"; by a polynomial: {yes}up to {significant(end)} N (largest error {error})"
     elif m.corrected_reaches_farther:
         words += f"; corrected: {how_far(m.corrected, top)}"
     elif not m.corrected.undecided and m.corrected.max_error < 0.9 * m.max_error:
