@@ -122,8 +122,8 @@ class Settings:
             return self.actuated
         alone = self.tried == len(self.shares)
         of = f"{self.tried} {'' if alone else 'combinations of '}tendons"
-        none = f"none of {of} exceeds the tolerance earlier"
-        other = f"of {of}; another exceeds the tolerance earlier from one input"
+        none = f"of {of}, none exceeds the tolerance at less tension"
+        other = f"of {of}, another exceeds the tolerance at less tension from one input"
         return f"{self.actuated} ({other if self.earlier else none})"
 
     @property

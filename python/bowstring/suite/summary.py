@@ -62,8 +62,8 @@ class Suite(Result):
         text = f"{number(low, 2)} to {number(high, 2)}" if many > 1 else number(low, 2)
         sets = f"each of {many} robots" if many > 1 else "one robot"
         return (
-            "Rod model and constant curvature were calibrated on part of the measurements of "
-            f"{sets}; on the rest, constant curvature errs {text} times as much as the rod."
+            f"For {sets}, rod model and constant curvature were calibrated on some measurements; "
+            f"on the others, constant curvature errs {text} times as much as the rod model."
         )
 
 
