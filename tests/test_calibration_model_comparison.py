@@ -284,6 +284,8 @@ def test_the_loss_is_that_of_all_fits(robot: Robot) -> None:
     assert alone is not None
     whole = bs.fit(robot, data, ["base", E], loss=loss)
     assert alone.values == whole.values
+    # the base is registered before
+    assert all(each.start for each in alone.estimates if each.name.startswith("base"))
     begin = {E: alone.values[E]}
     crossed = cross_validate(whole, data, start=begin, folds=2)
     np.testing.assert_array_equal(found["rod_calibrated"].residuals, crossed.residuals)

@@ -486,7 +486,9 @@ def fit_from(
         work = Residuals(of_points, points.measured, used, sigma, prior, line)
         search = Search(work, loss, group, near)
         try:
-            first = work.begin(own.start, start)
+            values = own.start
+            first = work.begin(values, start)
+            own.start_at(values)  # with a registered base
             work.take(first)
             if rod is not None and commands.by_displacement.any() and work.has_friction(first):
                 first = _from_frictionless(work, first, robot, start, again)

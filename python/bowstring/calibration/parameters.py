@@ -310,6 +310,11 @@ class Unknowns:
         """Start values (P,) in SI."""
         return np.array([item.start for item in self.items])
 
+    def start_at(self, values: Floats) -> None:
+        """Replace the start values."""
+        starts = zip(self.items, values.tolist(), strict=True)
+        self.items[:] = [replace(item, start=value) for item, value in starts]
+
     def refuse_without_effect(self, name: str, *, arcs: bool) -> None:
         """Raise `InputError` for a parameter that is known to have no effect."""
         if why := self._why_without_effect(name, arcs=arcs):

@@ -304,10 +304,6 @@ class Residuals:
         """Whether the robot with these parameters has friction."""
         return self.prediction(scaled).setting.robot.has_friction
 
-    def is_updated(self, scaled: Floats) -> bool:
-        """Whether derivatives are updated after a step to these parameters."""
-        return self._take_long(self.prediction(scaled))
-
     def _take_long(self, at: Prediction) -> bool:
         """Whether new derivatives take longer than the steps that they save."""
         robot = at.setting.robot
@@ -388,6 +384,8 @@ class Search:
         fine = {**self.options, "ftol": _NEAR if self.near else _FINE}
         if self.near is None:
             found = self._settled(self._lowest(found))
+        elif not self.work.has_friction(found.x):
+            self.work.corrects = False  # a search that has not ended yet needs new derivatives
         for _ in range(_RESCALES):  # outliers may widen the scale at first
             if not self._rescale(found) and (self.options is fine or self._is_near(found)):
                 break
@@ -515,7 +513,7 @@ class Search:
             if self.work.take(found.x):
                 found = self._descend(found.x)
                 continue
-            if not self.work.is_updated(found.x):
+            if not self.work.has_friction(found.x):
                 break
             self.work.jacobian(found.x, renew=True)
             least = _SETTLED * len(found.x) * self.work.variance(found.cost)
