@@ -16,7 +16,8 @@ from bowstring import RodModel
 from bowstring.calibration import default_priors, observations
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.fitting import _correlated_pair, fit
-from bowstring.calibration.observations import Data, score
+from bowstring.calibration.folds import part_of_rows
+from bowstring.calibration.observations import Data, score, score_of_errors
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import TipModel, _play
 from bowstring.constant_curvature import RobotArcs
@@ -374,6 +375,17 @@ def test_intervals_cover_the_truth_where_tendons_become_slack_synthetic():
         assert found.converged
         held += [e.low <= r <= e.high for e, r in zip(found.estimates, [0.2, 1, 1, 1], strict=True)]
     assert np.mean(held) >= 0.85
+
+
+def test_folds_from_the_first_start_end_where_fits_do():
+    """They are not near the end of the fit to all rows, and have several minima."""
+    data, names = slack_bench(IN_TURN, 5e-4, 4), [GIVE, "offset.tendons"]
+    crossed = cross_validate(fit(giving(1e-3), data, names), data, folds=3)
+    part, _ = part_of_rows(data, data.displacements, np.ones(len(IN_TURN), bool), 3)
+    for k in range(3):
+        alone = fit(giving(1e-3), data, names, rows=part != k)
+        out = alone.residuals[part == k]
+        assert crossed.folds[k].rmse == pytest.approx(score_of_errors(out).rmse, rel=0.02)
 
 
 def test_the_tendons_of_a_list_share_a_parameter():

@@ -6,7 +6,7 @@ import pytest
 import bowstring as bs
 from bowstring.calibration import default_priors
 from bowstring.calibration.cross_validation import cross_validate
-from bowstring.calibration.fitting import fit
+from bowstring.calibration.fitting import fit, fit_from
 from bowstring.calibration.intervals import Dependence, Uncertainty
 from bowstring.calibration.observations import Data
 from bowstring.calibration.parameters import Unknowns
@@ -323,3 +323,13 @@ def test_a_name_stands_for_its_group_and_a_later_one_replaces_it():
 def test_bad_priors_are_named(priors, words):
     data = Data(points=np.ones((33, 3)), tensions=masses())
     refused(words, lambda: fit(single(), data, ["gain", "base"], priors=priors))
+
+
+def test_priors_hold_from_each_start():
+    """Starts have their own natural steps."""
+    data = synthetic(single(), [E], {E: 33e9})
+    found = fit_from([{E: 1e6}, {E: 33e9}], single(), data, [E], priors={E: 1e7})
+    alone = fit(single(), data, [E], start={E: 33e9}, priors={E: 1e7})
+    assert found[E].value == pytest.approx(alone[E].value, rel=1e-6)
+    assert found[E].prior_mean == alone[E].prior_mean and found[E].prior_sd == alone[E].prior_sd
+    assert found.evaluations > alone.evaluations

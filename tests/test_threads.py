@@ -33,6 +33,38 @@ def test_parts_keep_the_order(count: int) -> None:
     assert threads.in_parts(lambda item: item**2, range(count)) == [k**2 for k in range(count)]
 
 
+def test_tasks_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "cores", lambda: 6)
+    assert threads.results(lambda _: threads.free_cores(), range(2)) == [3, 3]
+    assert threads.results(lambda _: threads.free_cores(), range(9)) == [1] * 9
+    assert threads.results(lambda _: threads.free_cores(), range(4), most=3) == [2] * 4
+    assert threads.results(lambda _: threads.free_cores(), range(4), most=1) == [6] * 4
+
+
+def test_an_exception_ends_the_tasks_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "cores", lambda: 4)
+    ended: list[int] = []
+
+    def inner(item: int) -> None:
+        try:
+            for _ in range(2000):
+                time.sleep(0.005)
+                threads.check()
+        except CancelledError:
+            ended.append(item)
+            raise
+
+    def outer(item: int) -> None:
+        if item == 0:
+            time.sleep(0.1)
+            raise ValueError
+        threads.results(inner, range(2))
+
+    with pytest.raises(ValueError):
+        threads.results(outer, range(2))
+    assert sorted(ended) == [0, 1]
+
+
 def test_tasks_of_a_task_run_on_its_thread() -> None:
     def outer(item: int) -> set[int]:
         assert threads.free_cores() == 1

@@ -1,7 +1,6 @@
 """Work on threads: of the compiled core, which runs beside Python, and of fits that mostly call it.
 
-Tasks may start tasks: those of a thread run one after the other, so that there are as many threads
-as cores.
+Tasks may start tasks, on their share of the cores.
 """
 
 from __future__ import annotations
@@ -11,14 +10,15 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 T = TypeVar("T")
 U = TypeVar("U")
 
 #: Parts of the work of each core, so that all end at the same time.
 _PARTS: Final = 8
-_own: Final = threading.local()  # `stop`: the event that ends the tasks of this thread
+#: Of the task of a thread: `cores`, its share of them, and `stops`, the events that end it.
+_own: Final = threading.local()
 
 
 def cores() -> int:
@@ -27,25 +27,32 @@ def cores() -> int:
 
 
 def free_cores() -> int:
-    """Cores that `results` uses here: one in a task of its own."""
-    return 1 if hasattr(_own, "stop") else cores()
+    """Cores that `results` uses here: all, or the share of a task."""
+    return int(getattr(_own, "cores", 0)) or cores()
 
 
 def results(
-    task: Callable[[T], U], items: Sequence[T], notify: Callable[[int], None] | None = None
+    task: Callable[[T], U],
+    items: Sequence[T],
+    notify: Callable[[int], None] | None = None,
+    most: int | None = None,
 ) -> list[U]:
-    """Results of a task for each item, in order; `notify` is called with the number of results.
+    """Results of a task for each item, in order, of `most` at once.
 
-    After an exception, also one of Ctrl-C while waiting, no further task begins, and those that are
-    running end at their next `check`.
+    `notify` is called with the number of results.
+
+    After an exception of the task whose result is awaited, or of Ctrl-C while waiting, no further
+    task begins, and those that are running end at their next `check`.
     """
-    count = min(free_cores(), len(items))
+    free = free_cores()
+    count = min(free, len(items), most or free)
     if count < 2:
         return _listed(map(task, items), notify)
     stop = threading.Event()
+    stops = (*_stops(), stop)
 
     def run(item: T) -> U:
-        _own.stop = stop
+        _own.cores, _own.stops = max(free // count, 1), stops
         return task(item)
 
     with ThreadPoolExecutor(count) as pool:
@@ -80,6 +87,9 @@ def in_parts(task: Callable[[T], U], items: Sequence[T]) -> list[U]:
 
 def check() -> None:
     """End the task if others of its kind were ended; for each step of a long one."""
-    stop: Any = getattr(_own, "stop", None)
-    if stop is not None and stop.is_set():
+    if any(stop.is_set() for stop in _stops()):
         raise CancelledError
+
+
+def _stops() -> tuple[threading.Event, ...]:
+    return tuple(getattr(_own, "stops", ()))

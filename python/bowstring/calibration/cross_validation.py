@@ -100,7 +100,7 @@ def cross_validate(
     -----
     The fits end where the cost changes by less than a part in 10 000, which changes the errors of
     the rows left out by far less than their standard error. Those with a memory begin with the same
-    derivatives, update them, and end by new ones. Folds run on all cores.
+    derivatives, update them, and end by new ones; these folds run side by side.
     """
     robot, again = found.robot, found.again
     if start is not None:
@@ -121,7 +121,11 @@ def cross_validate(
     notify(0.0)
     first_fold = without(0)  # makes what the others share
     notify(1 / folds)
-    fits = threads.results(without, range(1, int(folds)), lambda done: notify((1 + done) / folds))
+    # a path with a memory uses one core; statics of independent rows use all, and store much
+    at_once = int(folds) if robot.has_memory else 1
+    fits = threads.results(
+        without, range(1, int(folds)), lambda done: notify((1 + done) / folds), at_once
+    )
     scores, labels, converged = [], [], True
     for k, alone in enumerate([first_fold, *fits]):
         out, others = used & (part == k), fitted & (part != k)

@@ -466,12 +466,12 @@ def fit_from(
     deviations = _initial_priors(unknowns, commands) | read_priors(priors, robot, unknowns)
     frames = {k: v for k, v in begin.items() if k.partition(".")[0] in _OF_FRAMES}
     nominal = Unknowns(robot, unknowns.names, frames, by_tension=by_tension)
-    prior = Priors.of(unknowns, nominal, deviations)
+    free = Priors.of(unknowns, nominal, deviations).free
     count = int((used[:, None] & points.seen).sum())
-    if count < prior.free:
+    if count < free:
         what = "1 measured point is" if count == 1 else f"{count} measured points are"
         raise InputError(
-            f"{what} too few for {prior.free} parameters; measure at least as many, or fit fewer"
+            f"{what} too few for {free} parameters; measure at least as many, or fit fewer"
         )
     sigma = observations.sigmas(data, len(commands))
     group = observations.groups(data, len(commands))
@@ -479,16 +479,19 @@ def fit_from(
     of_others = {k: v for k, v in deviations.items() if not _is_friction(k)}
     again = partial(fit, data=data, rows=rows, loss=loss, model=rod, priors=of_others)
 
+    passes: list[int] = []
+
     def attempt(start: Mapping[str, float]) -> tuple[Search, Any] | BowstringError:
         """Rough descent from a start."""
         own = Unknowns(robot, parameters, begin | dict(start), by_tension=by_tension)
         of_points = TipModel(own, commands, rod, points.disks, shared)
+        prior = Priors.of(own, nominal, deviations)
         work = Residuals(of_points, points.measured, used, sigma, prior, line)
         search = Search(work, loss, group, near)
         try:
-            values = own.start
-            first = work.begin(values, start)
-            own.start_at(values)  # with a registered base
+            first = work.begin(own.start, start)
+            base = np.array([name.startswith("base.") for name in own.names])
+            own.start_at(np.where(base, first * work.step, own.start))  # as registered
             work.take(first)
             if rod is not None and commands.by_displacement.any() and work.has_friction(first):
                 first = _from_frictionless(work, first, robot, start, again)
@@ -496,9 +499,11 @@ def fit_from(
             return search, search.begin(first)
         except BowstringError as error:
             return error
+        finally:
+            passes.append(of_points.solves)
 
-    tried = threads.results(attempt, starts)
-    search, rough, start = _best(tried, starts)
+    search, rough, start = _best(threads.results(attempt, starts), starts)
+    search.work.model.solves = sum(passes)
     found = search.run(rough)
     own = {*unknowns.names, *start}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
@@ -518,9 +523,7 @@ def _best(
     if not ends:
         raise next(error for error in reversed(tried) if isinstance(error, BowstringError))
     noise = min(search.noise for search, _, _ in ends)
-    best = min(ends, key=lambda end: end[0].mean_square(end[1].x, noise))
-    best[0].work.model.solves = sum(search.work.model.solves for search, _, _ in ends)
-    return best
+    return min(ends, key=lambda end: end[0].mean_square(end[1].x, noise))
 
 
 def checked_model(

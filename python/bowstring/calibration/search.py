@@ -42,9 +42,9 @@ _MOST_LOST: Final = 0.5
 #: Initial compliances where stiffer tendons have no equilibrium, m/N.
 _SOFTER: Final = (1e-5, 1e-4, 1e-3)
 #: Predicted decrease of the cost, in variances of a residual per parameter, below which a fit with
-#: friction is not continued with new derivatives.
+#: updated derivatives is not continued with new ones.
 _SETTLED: Final = 0.01
-#: Relative error of the predicted residuals up to which derivatives with friction are kept.
+#: Relative error of the predicted residuals up to which derivatives are updated.
 _FORETOLD: Final = 0.2
 #: Tolerance of a descent that ended although its derivatives predict a lower cost.
 _TIGHT: Final = 1e-9
@@ -80,7 +80,8 @@ def robust(loss: Loss, turn: float, count: int) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Nearby:
-    """A fit to nearly the same rows, at whose end others begin: those of a cross-validation."""
+    """A fit to nearly the same rows as others, which begin at the same values: the folds of a
+    cross-validation. Those whose first residuals are as small begin near their end."""
 
     noise: float
     """Its noise, m."""
@@ -135,8 +136,10 @@ class Residuals:
         self.high = np.array([item.high for item in self.items]) / self.step
         self._last: tuple[Floats, Prediction] | None = None
         self._tangent: _Tangent | None = None
-        #: Whether derivatives that take long are updated, not renewed, after a step.
+        #: Whether derivatives that take long are updated, not renewed, after a step: with friction,
+        #: and with another memory near the end of a search.
         self.corrects = True
+        self.near_end = False
         #: Why the robot refused a step of the last descent; empty if it refused none.
         self.refused = ""
 
@@ -167,15 +170,16 @@ class Residuals:
     def begin(self, values: Floats, start: Mapping[str, float]) -> Floats:
         """Initial scaled values from those in SI, with a registered base."""
         self._tangent = None
+        low = np.array([item.low for item in self.items])
+        inside = np.where(values <= low, low + 0.5 * self.step, values)
+        changes = bool((inside != values).any())
         keep = self.model.rod is not None
-        at = self.model.predict(values, keep=keep)
+        at = self.model.predict(values, keep=keep and not changes)
         placed = values.copy()
         self._align(placed, at, start)
         placed_at = replace(at, setting=self.model.unknowns.setting(placed))
         self.before = placed_at.points - self.measured
-        low = np.array([item.low for item in self.items])
-        inside = np.where(values <= low, low + 0.5 * self.step, values)
-        if (inside != values).any():
+        if changes:
             values, at = inside, self.model.predict(inside, keep=keep)
         values, at = self._softened(values, at)
         failed = np.flatnonzero(~at.solved & self.asked)
@@ -201,7 +205,7 @@ class Residuals:
             if not lost:
                 break
             tried = np.where(soft, np.maximum(values, least), values)
-            found = self.model.predict(tried, keep=True)
+            found = self.model.predict(tried)
             if (~found.solved & self.asked).sum() < lost:
                 values, at = tried, found
         return values, at
@@ -307,7 +311,7 @@ class Residuals:
     def _take_long(self, at: Prediction) -> bool:
         """Whether new derivatives take longer than the steps that they save."""
         robot = at.setting.robot
-        return robot.has_friction or (self.model.shared is not None and robot.has_memory)
+        return robot.has_friction or (self.near_end and robot.has_memory)
 
     def refuse_without_effect(self, scaled: Floats) -> None:
         """Raise `InputError` for a parameter without prior and without effect in the used rows."""
@@ -347,9 +351,9 @@ class Residuals:
 class Search:
     """Search for the lowest minimum of a fit, with the scales of loss and priors.
 
-    Residuals of the priors stand behind those of the data. Near the end of another fit to nearly
-    the same rows, the scale is that of the first residuals if they are as small, and the search
-    ends at a larger tolerance of the cost.
+    Residuals of the priors stand behind those of the data. Where a search begins with
+    residuals as small as those of a fit to nearly the same rows, their scale is that of the loss,
+    and the search ends at a larger tolerance of the cost.
     """
 
     def __init__(
@@ -368,7 +372,8 @@ class Search:
         now = max(spread(self.work.residuals(first), 0), 1e3 * EXACT)
         if self.work.priors.known.any():
             self.noise = now
-        if self.loss != "linear" and self.near and now < 1e3 * self.near.noise / _LOWER:
+        self.work.near_end = self.near is not None and now < 1e3 * self.near.noise / _LOWER
+        if self.loss != "linear" and self.work.near_end:
             self.turn = _TURN * now
         self.options = {"ftol": _ROUGH, "xtol": _FINE, "max_nfev": _EVALUATIONS}
         rough = self._descend(first)
@@ -381,11 +386,12 @@ class Search:
 
     def run(self, found: Any) -> Any:
         """Return the result of `scipy.optimize.least_squares` at the lowest minimum."""
-        fine = {**self.options, "ftol": _NEAR if self.near else _FINE}
-        if self.near is None:
+        fine = {**self.options, "ftol": _NEAR if self.work.near_end else _FINE}
+        if not self.work.near_end:
             found = self._settled(self._lowest(found))
         elif not self.work.has_friction(found.x):
             self.work.corrects = False  # a search that has not ended yet needs new derivatives
+            self.work.jacobian(found.x, renew=True)
         for _ in range(_RESCALES):  # outliers may widen the scale at first
             if not self._rescale(found) and (self.options is fine or self._is_near(found)):
                 break
@@ -395,7 +401,7 @@ class Search:
 
     def _is_near(self, found: Any) -> bool:
         """Whether a search near the end of another one has ended, by new derivatives."""
-        if self.near is None:
+        if not self.work.near_end:
             return False
         self.work.jacobian(found.x, renew=True)
         return bool(self.decrease(found) <= _NEAR * found.cost)
@@ -474,7 +480,7 @@ class Search:
 
     def _clearly_below(self, cost: float) -> float:
         """Cost below which a minimum counts as lower."""
-        if self.near:
+        if self.work.near_end:
             return cost - _NEAR * cost
         return cost - max(_GAIN[0] * cost, _GAIN[1] * self.work.variance(cost))
 

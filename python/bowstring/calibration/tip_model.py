@@ -447,7 +447,7 @@ class TipModel:
     def _by_tensions(self, rod: RodModel, setting: Setting, given: Floats) -> Prediction:
         """Predict by continuous tendons, which have tensions only and no derivatives."""
         below = not self._at_end.all()
-        at = setting.robot.core.solve_batch(given, _NO_LOAD, rod, 0, below)
+        at = setting.robot.core.solve_batch(given, _NO_LOAD, rod, threads.free_cores(), below)
         return Prediction(
             *self._poses(at),
             at["converged"],
@@ -491,12 +491,12 @@ class TipModel:
         """Arrays of all rows by effective commands (K, T), with a memory along each path."""
         robot = setting.robot
         paths = self.commands.paths if robot.has_memory else [np.arange(len(given))]
-        threads = None if robot.has_memory else 0
+        cores = None if robot.has_memory else threads.free_cores()
         found = []
         for number, rows in enumerate(paths):
             core.reset()
             held, values, late = self._steps(number, rows, setting, given)
-            found.append(core.follow(held, values, _NO_LOAD, disks, threads, late))
+            found.append(core.follow(held, values, _NO_LOAD, disks, cores, late))
         return _joined(found, paths, disks=disks)
 
     def _steps(

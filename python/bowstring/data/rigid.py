@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Annotated, Any, Final
 
 import numpy as np
@@ -139,15 +138,12 @@ def align(points: Floats, targets: Floats, weight: Floats | None = None) -> Rigi
     Weighted least squares without reflection (Kabsch, Acta Cryst. A32, 1976; Umeyama 1991). For
     collinear points the rotation is not unique, and one solution is returned.
     """
-    from scipy.spatial.transform import Rotation
-
     middle, target = (np.average(each, axis=0, weights=weight) for each in (points, targets))
     if len(points) == 1:
         return Rigid(np.eye(3), target - middle)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Optimal rotation is not uniquely", UserWarning)
-        turn, _ = Rotation.align_vectors(targets - target, points - middle, weight)
-    matrix = turn.as_matrix()
+    weighted = targets - target if weight is None else weight[:, None] * (targets - target)
+    u, _, vt = np.linalg.svd(weighted.T @ (points - middle))
+    matrix = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     return Rigid(matrix, target - matrix @ middle)
 
 
