@@ -253,7 +253,15 @@ class Solutions(list[Any]):
 
 @dataclass(frozen=True)
 class Moved:
-    """Predictions with a larger and a smaller value of a parameter, and the difference of both."""
+    """Predictions with two values of a parameter.
+
+    Attributes
+    ----------
+    above, below : Prediction
+        With a larger and a smaller value.
+    difference : float
+        Difference of both values, in SI.
+    """
 
     above: Prediction
     below: Prediction

@@ -41,6 +41,7 @@ _GAINS: Final = (0.35, 0.5, 0.7, 0.85, 1.0, 1.2)
 _NEAR: Final = (0.6, 0.8, 1.0, 1.2, 1.5)  # gains over the best one of the stated order
 _CLEARLY: Final = 0.7  # residual of a better candidate over that of the stated order
 _GOOD: Final = 0.4  # residual over motion up to which a candidate is accepted
+_ROUNDING: Final = 1e-6  # residual over motion that is rounding, of synthetic data
 _POOR: Final = 0.65  # residual over motion above which the stated order is doubtful
 _TIE: Final = 1.15
 _STILL: Final = 0.005  # motion over length that is too small for the check
@@ -307,7 +308,7 @@ def _order(motion: _Motion) -> TendonCheck:
     mirrored = fit(same, mirror=True)
     best = min([mirrored, *swaps.values()], key=lambda candidate: candidate.left)
     share = f"{100 * said.left:.0f} %"
-    if not (best.left < _CLEARLY * said.left and best.left < _GOOD):
+    if not (best.left < _CLEARLY * said.left and best.left < _GOOD and said.left > _ROUNDING):
         if said.left > _POOR:
             return check(
                 "unclear",
