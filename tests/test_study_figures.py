@@ -117,10 +117,10 @@ def test_shapes_end_where_the_study_has_the_tips(
     which: str, request: pytest.FixtureRequest
 ) -> None:
     found: Study = request.getfixturevalue(which)
-    shapes = backbones(found)
-    assert shapes.tension == found.settings.max_tension
-    assert [s.name for s in shapes.shapes] == ["statics", *MEANINGS]
-    for shape in shapes.shapes:
+    tension, shapes = backbones(found)
+    assert tension == found.settings.max_tension
+    assert [s.name for s in shapes] == ["statics", *MEANINGS]
+    for shape in shapes:
         tip = found.statics.tip_position[-1]
         error = 0.0
         if shape.name != "statics":
@@ -144,9 +144,9 @@ def test_a_load_without_equilibrium_is_not_the_largest(paper: Study) -> None:
     converged, disks = s.converged.copy(), s.disk_positions.copy()
     converged[-3:], disks[-3:] = False, np.nan
     cut = replace(paper, statics=replace(s, converged=converged, disk_positions=disks))
-    shapes = backbones(cut)
-    assert shapes.tension == s.tension[-4]
-    assert shapes.shapes[0].backbone[-1] == pytest.approx(s.tip_position[-4], abs=1e-8)
+    tension, shapes = backbones(cut)
+    assert tension == s.tension[-4]
+    assert shapes[0].backbone[-1] == pytest.approx(s.tip_position[-4], abs=1e-8)
 
 
 # -- error budget ------------------------------------------------------------------------------
