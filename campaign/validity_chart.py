@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bowstring as bs
-from bowstring.study.comparison import FROM_FORCE, points_by_arcs
+from bowstring.study.comparison import FROM_FORCE, poses_by_arcs
 from bowstring.validity.chart import Limit, validity_chart
 from bowstring.validity.chart_errors import MODELS, TABLE, monomials
 from bowstring.validity.chart_figure import (
@@ -198,7 +198,7 @@ def solved_errors(robot: bs.Robot, groups: Groups, linear_bend: Array) -> Array:
     out = []
     for model in MODELS:
         commands = rows if model in FROM_FORCE else found.tendon_lengths
-        tips, _ = points_by_arcs(robot, model, commands)
+        tips = poses_by_arcs(robot, model, commands)[0]
         out.append(np.linalg.norm(tips - found.tip_position, axis=1) / length)
     return np.array(out)
 

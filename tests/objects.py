@@ -137,6 +137,11 @@ def coupled_robot(
     return bs.Robot.model_validate(given)
 
 
+def legend_of(panel: Any) -> list[str]:
+    """Labels in the legend of axes."""
+    return [text.get_text() for text in panel.get_legend().get_texts()]
+
+
 def followed(commands: Any, half: float, start: Any) -> Any:
     """Play operator of each column, after a start (T,)."""
     out, state = [], start

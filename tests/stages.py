@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from bowstring.data.tip_errors import Comparison
 from bowstring.robot.model import Robot
 from bowstring.study import run
 from bowstring.study.actuation_budget import ActuationBudget, actuation_budget
-from bowstring.study.comparison import COMPARISONS, Model, Theory
+from bowstring.study.comparison import COMPARISONS, Case, Model, Theory
 from bowstring.study.error_budget import Budget, error_budget
 from bowstring.study.notes import PublishedClaim, claim_of, notes_of
 from bowstring.study.ramp_response import MODAL_DAMPING, Transient
@@ -27,6 +31,7 @@ from bowstring.study.sweeps import (
     geometric_sweep,
     static_sweep,
 )
+from bowstring.study.terminal import print_study
 from bowstring.study.verdict import Verdict, judge
 from bowstring.validity.loading import Loading
 
@@ -145,6 +150,24 @@ class Stages:
             claim=self.claim(),
             notes=self.notes(),
         )
+
+
+def with_gaps(case: Case, loads: Sequence[int]) -> Case:
+    """Return a case as if it had no equilibrium at some loads."""
+    compared = {
+        name: replace(c, difference=c.difference.copy()) for name, c in case.comparisons.items()
+    }
+    tip = case.tip_position.copy()
+    for values in (tip, *(c.difference for c in compared.values())):
+        values[list(loads)] = np.nan
+    return replace(case, comparisons=compared, tip_position=tip, problem="no equilibrium there")
+
+
+def printed(study: Study, width: int, folder: Path | None = None, *, verbose: bool = False) -> str:
+    """What the terminal shows of a study."""
+    out = io.StringIO()
+    print_study(study, Console(file=out, width=width), folder, verbose=verbose)
+    return out.getvalue()
 
 
 def by_name(given: dict[str, Any]) -> dict[str, Any]:

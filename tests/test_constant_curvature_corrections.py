@@ -15,7 +15,7 @@ from bowstring.robot.model import Robot
 from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
-from bowstring.study.comparison import points_by_arcs
+from bowstring.study.comparison import poses_by_arcs
 from bowstring.validity.loading import largest_load
 
 PLAIN = {"gravity": "0 0 0"}
@@ -72,7 +72,7 @@ def gains(robot: Robot, shares: np.ndarray) -> list[float]:
         ("cc_from_lengths", "cc_from_lengths_chord", exact.tendon_lengths),
     ):
         plain, better = (
-            np.linalg.norm(points_by_arcs(robot, each, commands)[0] - exact.tip_position, axis=1)
+            np.linalg.norm(poses_by_arcs(robot, each, commands)[0] - exact.tip_position, axis=1)
             for each in (name, corrected)
         )
         known = np.isfinite(better)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from dataclasses import replace
@@ -10,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
@@ -28,9 +26,9 @@ from bowstring.study.actuation_budget import (
 )
 from bowstring.study.comparison import Model
 from bowstring.study.study import Study
-from bowstring.study.terminal import print_study
-from stages import Stages
+from stages import Stages, printed
 
+ROBOT = load_robot("amouri2019")
 MM = 1e-3
 UP = np.linspace(0.0, 80.0, 49)
 UP_AND_DOWN = np.concatenate((UP, UP[-2::-1]))
@@ -55,11 +53,6 @@ def budget(robot: Robot, max_tension: float = 80.0, points: int = 17) -> Actuati
     return actuation_budget(model, tension, model.case(model.main, tension))
 
 
-@pytest.fixture(scope="module")
-def amouri() -> Robot:
-    return load_robot("amouri2019")
-
-
 def displacements_for(robot: Robot, tension: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Commands of the first of three tendons, and the intended tip."""
     arcs = RobotArcs.from_tensions(robot, np.outer(tension, [1, 0, 0]))
@@ -75,10 +68,10 @@ def errors(tips: np.ndarray, others: np.ndarray) -> np.ndarray:
 # -- against direct calls ------------------------------------------------------------------------
 
 
-def test_friction_matches_a_loading_and_unloading_path(paper: Study, amouri: Robot) -> None:
-    with_friction = amouri.with_({TENDONS + "friction": ASSUMED_FRICTION})
+def test_friction_matches_a_loading_and_unloading_path(paper: Study) -> None:
+    with_friction = ROBOT.with_({TENDONS + "friction": ASSUMED_FRICTION})
     path = bs.sweep(with_friction, np.outer(UP_AND_DOWN, [1, 0, 0])).raise_for_status()
-    law = RobotArcs.from_tensions(amouri, np.outer(UP[::3], [1, 0, 0])).tip.position
+    law = RobotArcs.from_tensions(ROBOT, np.outer(UP[::3], [1, 0, 0])).tip.position
     d = paper.budget.actuation
     for effect, rows in (
         ("friction_loading", slice(0, 49, 3)),
@@ -88,7 +81,7 @@ def test_friction_matches_a_loading_and_unloading_path(paper: Study, amouri: Rob
         assert case.tip_position == pytest.approx(path.tip_position[rows], abs=1e-12)
         expected = errors(law, path.tip_position[rows])
         assert case.error("cc_from_force") == pytest.approx(expected, abs=1e-12)
-        from_lengths = RobotArcs.from_lengths(amouri, path.tendon_lengths[rows]).tip.position
+        from_lengths = RobotArcs.from_lengths(ROBOT, path.tendon_lengths[rows]).tip.position
         expected = errors(from_lengths, path.tip_position[rows])
         assert case.error("cc_from_lengths") == pytest.approx(expected, abs=1e-12)
         assert d.row(effect).base is paper.budget.sweep
@@ -96,14 +89,14 @@ def test_friction_matches_a_loading_and_unloading_path(paper: Study, amouri: Rob
     assert d.loops[0].width == pytest.approx(width)
 
 
-def test_displacements_are_those_of_constant_curvature(paper: Study, amouri: Robot) -> None:
+def test_displacements_are_those_of_constant_curvature(paper: Study) -> None:
     d = paper.budget.actuation
-    displacements, meant = displacements_for(amouri, UP)
+    displacements, meant = displacements_for(ROBOT, UP)
     assert d.displacement == pytest.approx(displacements[::3, 0], abs=1e-12)
-    elastic = amouri.with_({TENDONS + "axial_stiffness": ASSUMED})
+    elastic = ROBOT.with_({TENDONS + "axial_stiffness": ASSUMED})
     both = elastic.with_({TENDONS + "friction": ASSUMED_FRICTION})
     for robot, case in (
-        (amouri, d.displacement_controlled),
+        (ROBOT, d.displacement_controlled),
         (elastic, d.row("tendon_elasticity").case),
     ):
         found = bs.sweep(robot, load=bs.Load(displacements=displacements)).raise_for_status()
@@ -121,15 +114,15 @@ def test_displacements_are_those_of_constant_curvature(paper: Study, amouri: Rob
     assert d.loops[1].width == pytest.approx(errors(there, back).max(), abs=1e-9)
 
 
-def test_an_elastic_tendon_lags_by_its_elongation(paper: Study, amouri: Robot) -> None:
+def test_an_elastic_tendon_lags_by_its_elongation(paper: Study) -> None:
     """Elastic tendons equal inextensible ones with the displacement reduced by T l0 / (E A)."""
-    displacements, _ = displacements_for(amouri, UP[-1:])
+    displacements, _ = displacements_for(ROBOT, UP[-1:])
     elastic = bs.solve(
-        amouri.with_({TENDONS + "axial_stiffness": ASSUMED}),
+        ROBOT.with_({TENDONS + "axial_stiffness": ASSUMED}),
         load=bs.Load(displacements=displacements[0]),
     )
-    late = displacements[0] - [elastic.tensions[0] * amouri.length / ASSUMED, 0, 0]
-    tip = bs.solve(amouri, load=bs.Load(displacements=late)).raise_for_status().tip
+    late = displacements[0] - [elastic.tensions[0] * ROBOT.length / ASSUMED, 0, 0]
+    tip = bs.solve(ROBOT, load=bs.Load(displacements=late)).raise_for_status().tip
     ours = paper.budget.actuation.row("tendon_elasticity").case.tip_position[-1]
     assert tip is not None and ours == pytest.approx(tip.position, abs=1e-9)
 
@@ -137,15 +130,15 @@ def test_an_elastic_tendon_lags_by_its_elongation(paper: Study, amouri: Robot) -
 # -- limits --------------------------------------------------------------------------------------
 
 
-def test_ideal_tendons_change_nothing(amouri: Robot) -> None:
-    d = budget(amouri.with_({TENDONS + "friction": 1e-12, TENDONS + "axial_stiffness": 1e12}))
+def test_ideal_tendons_change_nothing() -> None:
+    d = budget(ROBOT.with_({TENDONS + "friction": 1e-12, TENDONS + "axial_stiffness": 1e12}))
     assert not d.friction_assumed and not d.elasticity_assumed and d.assumptions == ()
     for row in d.rows:
         moved = errors(row.case.tip_position, row.base.tip_position)
         # a path with friction may use more elements than the sweep without
-        assert row.case.problem is None and moved.max() < 1e-5 * amouri.length, row.effect
+        assert row.case.problem is None and moved.max() < 1e-5 * ROBOT.length, row.effect
         assert not row.exceeds
-    assert max(loop.width for loop in d.loops) < 1e-5 * amouri.length
+    assert max(loop.width for loop in d.loops) < 1e-5 * ROBOT.length
 
 
 def test_reference_numbers_are_unchanged(paper: Study) -> None:
@@ -155,8 +148,8 @@ def test_reference_numbers_are_unchanged(paper: Study) -> None:
     assert d.loops[0].free[::3] == pytest.approx(paper.statics.tip_position, abs=1e-9)
 
 
-def test_short_steps_give_the_same_result(amouri: Robot) -> None:
-    coarse, fine = budget(amouri), budget(amouri, points=401)
+def test_short_steps_give_the_same_result() -> None:
+    coarse, fine = budget(ROBOT), budget(ROBOT, points=401)
     for effect in ROWS:
         some = fine.row(effect).case.tip_position[::25]
         assert errors(coarse.row(effect).case.tip_position, some).max() < 0.02 * MM, effect
@@ -215,28 +208,28 @@ def test_assumptions_are_reported(paper: Study) -> None:
         assert sentence in paper.verdict.text
 
 
-def test_values_of_the_file_are_used(amouri: Robot) -> None:
+def test_values_of_the_file_are_used() -> None:
     own = {"friction": 0.05, "axial_stiffness": "50 kN", "compliance": "0.01 mm/N"}
-    d = budget(amouri.with_({TENDONS + name: value for name, value in own.items()}))
+    d = budget(ROBOT.with_({TENDONS + name: value for name, value in own.items()}))
     assert (d.friction, d.axial_stiffness, d.compliance) == (0.05, 50e3, 1e-5)
     assert d.assumptions == () and not any("assumed" in n for n in (*d.notes, *d.text))
     assert "as in the file" in d.text[0] and "transmission 0.01 mm/N" in d.text[1]
-    narrower = budget(amouri)
+    narrower = budget(ROBOT)
     assert d.loops[0].width < narrower.loops[0].width
 
 
-def test_a_compliance_alone_counts_as_elasticity(amouri: Robot) -> None:
-    d = budget(amouri.with_({TENDONS + "compliance": "0.01 mm/N"}))
+def test_a_compliance_alone_counts_as_elasticity() -> None:
+    d = budget(ROBOT.with_({TENDONS + "compliance": "0.01 mm/N"}))
     assert not d.elasticity_assumed and np.isinf(d.axial_stiffness)
     assert d.assumptions == ("friction 0.1",)
 
 
-def test_assumed_stiffness_follows_from_the_tendon(amouri: Robot) -> None:
-    thin = amouri.with_({TENDONS + "diameter": "150 um"})
+def test_assumed_stiffness_follows_from_the_tendon() -> None:
+    thin = ROBOT.with_({TENDONS + "diameter": "150 um"})
     assert assumed_stiffness(thin, 0) == (1.9e3, "steel, 0.15 mm, diameter as in the file")
     nylon = thin.with_({TENDONS + "material": "nylon"})
     assert assumed_stiffness(nylon, 0)[0] == pytest.approx(44.0)
-    assert nylon.hash == amouri.hash  # an assumption of a study does not change the robot's physics
+    assert nylon.hash == ROBOT.hash  # an assumption of a study does not change the robot's physics
     with pytest.raises(InputError, match='got "wood"; must be one of steel'):
         thin.with_({TENDONS + "material": "wood"})
     d = budget(thin, points=3)
@@ -246,7 +239,7 @@ def test_assumed_stiffness_follows_from_the_tendon(amouri: Robot) -> None:
 
 
 def test_elasticity_is_omitted_where_no_stiffness_can_be_assumed() -> None:
-    small = load_robot("amouri2019").with_(
+    small = ROBOT.with_(
         {
             "segments.0.length": "20 mm",
             "segments.0.backbone.diameter": "0.3 mm",
@@ -269,11 +262,11 @@ def test_elasticity_is_omitted_where_no_stiffness_can_be_assumed() -> None:
     assert d.row("tendon_elasticity").moved > 0.0
 
 
-def test_calibrated_friction_is_used_in_the_budget(amouri: Robot) -> None:
-    model = Model(amouri, 0, "cosserat")
+def test_calibrated_friction_is_used_in_the_budget() -> None:
+    model = Model(ROBOT, 0, "cosserat")
     tension = np.linspace(0.0, 80.0, 5)
     sweep = model.case(model.main, tension)
-    calibrated = amouri.with_({TENDONS + "friction": 0.2007})
+    calibrated = ROBOT.with_({TENDONS + "friction": 0.2007})
     d = actuation_budget(model, tension, sweep, calibrated)
     assert (d.friction, d.friction_origin) == (0.2007, "calibrated")
     assert "friction" not in " ".join(d.assumptions)
@@ -292,8 +285,8 @@ def test_calibrated_friction_is_used_in_the_budget(amouri: Robot) -> None:
 
 
 @pytest.mark.slow
-def test_friction_of_the_file_is_reported_as_not_in_the_sweep(paper: Study, amouri: Robot) -> None:
-    stages = Stages(amouri.with_({TENDONS + "friction": 0.2}))
+def test_friction_of_the_file_is_reported_as_not_in_the_sweep(paper: Study) -> None:
+    stages = Stages(ROBOT.with_({TENDONS + "friction": 0.2}))
     found = replace(
         stages.over(paper),
         dynamics=stages.motion,
@@ -324,24 +317,22 @@ def test_robots_of_several_segments(name: str) -> None:
     assert not any("In spite of that" in note for note in d.notes)
 
 
-def test_a_tendon_that_stays_taut_is_reported(
-    amouri: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_tendon_that_stays_taut_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bowstring.study.actuation_budget._SURPLUS", -0.001)
-    assert any("In spite of that" in note for note in budget(amouri).notes)
+    assert any("In spite of that" in note for note in budget(ROBOT).notes)
 
 
 @pytest.mark.slow
-def test_commands_without_equilibrium_are_reported(amouri: Robot) -> None:
-    d = budget(amouri.with_({TENDONS + "friction": 3}), 400.0)
+def test_commands_without_equilibrium_are_reported() -> None:
+    d = budget(ROBOT.with_({TENDONS + "friction": 3}), 400.0)
     case = d.row("displacement_controlled_loading").case
     assert case.problem is not None and "means are over the others" in case.problem
     assert np.isfinite(case.error(COMMANDED)).sum() == case.comparisons[COMMANDED].n < 17
     json.dumps(plain(d.to_dict()), allow_nan=False)
 
 
-def test_pretension_and_two_points(amouri: Robot) -> None:
-    d = budget(amouri.with_({TENDONS + "pretension": "2 N"}), points=2)
+def test_pretension_and_two_points() -> None:
+    d = budget(ROBOT.with_({TENDONS + "pretension": "2 N"}), points=2)
     assert len(d.loops[0].command) == 41
     assert all(np.isfinite(row.moved) for row in d.rows)
 
@@ -377,9 +368,8 @@ def test_report_and_terminal_show_it(paper: Study, written: Path) -> None:
     assert 'id="hysteresis"' in page
     for name in ("actuation", "hysteresis_by_tension", "hysteresis_by_displacement"):
         assert (written / "tables" / f"{name}.csv").exists()
-    out = io.StringIO()
-    print_study(paper, Console(file=out, width=80), verbose=True)
-    assert "Actuation: mean tip error" in out.getvalue()
+    shown = printed(paper, 80, verbose=True)
+    assert "Actuation: mean tip error" in shown
     assert f"assumed, the robot file gives none: friction 0.1; {STRETCH}" in (
-        " ".join(out.getvalue().split())
+        " ".join(shown.split())
     )

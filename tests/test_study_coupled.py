@@ -27,6 +27,7 @@ from bowstring.study.comparison import Model
 from bowstring.study.figures import draw
 from bowstring.study.study import Study
 from bowstring.validity.effects import with_values
+from objects import coupled_robot
 from shell import Shell
 from test_offset_line import Pair
 
@@ -167,20 +168,7 @@ MATRIX[1, 5] = MATRIX[5, 1] = -4.0
 
 
 def made(**changes: Any) -> bs.Robot:
-    segment = {
-        "length": "400 mm",
-        "backbone": {"stiffness": MATRIX.tolist(), "mass_per_length": "40 g/m"},
-        "disks": {
-            "count": 6,
-            "mass": "5 g",
-            "radius": "25 mm",
-            "thickness": "2 mm",
-            "clamped_length": 0.0,
-        },
-        "tendons": {"count": 3, "pitch_radius": "20 mm"},
-    }
-    robot = {"name": "coupled", "segments": [segment], "gravity": "0 0 -9.81 m/s^2"}
-    return bs.Robot.model_validate(robot | changes)
+    return coupled_robot(MATRIX, count=6, **{"gravity": "0 0 -9.81 m/s^2"} | changes)
 
 
 @pytest.fixture(scope="module")
@@ -260,10 +248,8 @@ def test_the_report_says_what_is_not_computed(coupled: Study, tmp_path: Path) ->
 
 
 def test_stress_is_that_of_the_other_segments() -> None:
-    plain_one = bs.load_robot("amouri2019").segments[0].model_dump(exclude_none=True)
-    plain_one["backbone"] |= {"yield_strength": "2 GPa"}
-    segments = [plain_one, made().segments[0].model_dump(exclude_none=True)]
-    robot = made(segments=segments, gravity="0 0 0 m/s^2")
+    changes = {"segments.0.backbone.yield_strength": "2 GPa", "gravity": "0 0 0 m/s^2"}
+    robot = mixed().with_(changes)
     study = bs.run_study(robot, loading=bs.Loading(max_tension=4.0, points=3, tendon=4))
     says = study.without_surface
     assert "in segment" not in says and "segment 2: the section is given" in says
@@ -298,7 +284,8 @@ def test_a_study_with_measurements_keeps_the_matrix() -> None:
 
 def mixed() -> bs.Robot:
     plain_one = bs.load_robot("amouri2019").segments[0].model_dump(exclude_none=True)
-    return made(segments=[plain_one, made().segments[0].model_dump(exclude_none=True)])
+    coupled_one = made().segments[0].model_dump(exclude_none=True)
+    return made().with_({"segments": [plain_one, coupled_one]})
 
 
 @pytest.mark.parametrize(

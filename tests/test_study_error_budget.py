@@ -15,7 +15,7 @@ from bowstring.study.comparison import Case, Model
 from bowstring.study.error_budget import BudgetRow, Side
 from bowstring.study.study import Study
 from bowstring.validity.effects import Rods
-from stages import Stages
+from stages import Stages, with_gaps
 
 MM = 1e-3
 
@@ -182,12 +182,7 @@ def test_contributions_in_json_have_one_sign(paper: Study) -> None:
 
 def test_a_contribution_is_over_the_loads_that_both_cases_have(paper: Study) -> None:
     r = row(paper, "tip_force")
-    gaps = {}
-    for name, c in r.removed.comparisons.items():
-        difference = c.difference.copy()
-        difference[11:] = np.nan
-        gaps[name] = replace(c, difference=difference)
-    r = replace(r, removed=replace(r.removed, comparisons=gaps, problem="no equilibrium there"))
+    r = replace(r, removed=with_gaps(r.removed, range(11, 17)))
     c = paper.budget.contribution(r, "removed", "cc_from_force")
     assert (c.n, c.of, c.partial) == (11, 17, True)
     assert c.with_effect == pytest.approx(r.full.error("cc_from_force")[:11].mean())

@@ -21,7 +21,8 @@ from bowstring.study.figures import _DRAWINGS
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study
 from bowstring.viz.style import LIGHT, figure_style
-from stages import Stages
+from objects import legend_of
+from stages import Stages, with_gaps
 
 SILICONE = Path(__file__).parent / "silicone.yaml"
 SIDES: tuple[Side, Side] = ("in_sweep", "removed")
@@ -41,18 +42,11 @@ def drawn(found: Study, stem: str) -> Figure:
     return figure
 
 
-def with_gaps(found: Study, effect: str, loads: Sequence[int]) -> Study:
+def with_gaps_in(found: Study, effect: str, loads: Sequence[int]) -> Study:
     """The study as if the full model without an effect had no equilibrium at some loads."""
     row = next(r for r in found.budget.rows if r.effect == effect)
-    compared = {}
-    for name, c in row.removed.comparisons.items():
-        difference = c.difference.copy()
-        difference[list(loads)] = np.nan
-        compared[name] = replace(c, difference=difference)
-    tip = row.removed.tip_position.copy()
-    tip[list(loads)] = np.nan
-    removed = replace(row.removed, comparisons=compared, tip_position=tip, problem="no loads there")
-    rows = [replace(r, removed=removed) if r is row else r for r in found.budget.rows]
+    lacking = replace(row, removed=with_gaps(row.removed, loads))
+    rows = [lacking if r is row else r for r in found.budget.rows]
     return replace(found, budget=replace(found.budget, rows=tuple(rows)))
 
 
@@ -117,10 +111,10 @@ def test_shapes_end_where_the_study_has_the_tips(
     which: str, request: pytest.FixtureRequest
 ) -> None:
     found: Study = request.getfixturevalue(which)
-    shapes = backbones(found)
-    assert shapes.tension == found.settings.max_tension
-    assert [s.name for s in shapes.shapes] == ["statics", *MEANINGS]
-    for shape in shapes.shapes:
+    tension, shapes = backbones(found)
+    assert tension == found.settings.max_tension
+    assert [s.name for s in shapes] == ["statics", *MEANINGS]
+    for shape in shapes:
         tip = found.statics.tip_position[-1]
         error = 0.0
         if shape.name != "statics":
@@ -134,8 +128,7 @@ def test_shapes_end_where_the_study_has_the_tips(
         gaps = np.linalg.norm(shape.backbone[:, None] - shape.disks, axis=-1).min(axis=0)
         assert gaps.max() < 0.01 * found.length
     figure = drawn(found, "backbones")
-    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]  # type: ignore[union-attr]
-    assert labels == ["rod model", "CC from lengths", "CC from force"]
+    assert legend_of(figure.axes[0]) == ["rod model", "CC from lengths", "CC from force"]
     assert f"{found.settings.max_tension:g} N" in figure.axes[0].get_title(loc="left")
 
 
@@ -144,9 +137,9 @@ def test_a_load_without_equilibrium_is_not_the_largest(paper: Study) -> None:
     converged, disks = s.converged.copy(), s.disk_positions.copy()
     converged[-3:], disks[-3:] = False, np.nan
     cut = replace(paper, statics=replace(s, converged=converged, disk_positions=disks))
-    shapes = backbones(cut)
-    assert shapes.tension == s.tension[-4]
-    assert shapes.shapes[0].backbone[-1] == pytest.approx(s.tip_position[-4], abs=1e-8)
+    tension, shapes = backbones(cut)
+    assert tension == s.tension[-4]
+    assert shapes[0].backbone[-1] == pytest.approx(s.tip_position[-4], abs=1e-8)
 
 
 # -- error budget ------------------------------------------------------------------------------
@@ -190,12 +183,12 @@ def test_each_row_of_the_budget_is_drawn_between_its_own_two_cases(paper: Study)
 def test_rows_over_fewer_loads_are_marked(paper: Study) -> None:
     whole = drawn(paper, "error_budget").axes[1]
     assert not any(text.get_text() for text in whole.texts)
-    axes = drawn(with_gaps(paper, "torsion", range(6)), "error_budget").axes[1]
+    axes = drawn(with_gaps_in(paper, "torsion", range(6)), "error_budget").axes[1]
     (mark,) = [text for text in axes.texts if text.get_text()]
     place = len(paper.budget.rows) - 1 - [r.effect for r in paper.budget.rows].index("torsion")
     assert mark.get_text() == "11 of 17" and mark.xy[1] == place  # type: ignore[attr-defined]
     assert "these loads only" in axes.get_xlabel()
-    none = drawn(with_gaps(paper, "torsion", range(17)), "error_budget").axes[1]
+    none = drawn(with_gaps_in(paper, "torsion", range(17)), "error_budget").axes[1]
     assert [text.get_text() for text in none.texts] == ["none"]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from bowstring.errors import InputError
 from bowstring.fem.mesh import Fineness, brick_mesh
@@ -23,10 +21,9 @@ from bowstring.study.finite_elements import solve
 from bowstring.study.run import run_study
 from bowstring.study.settings import Extras
 from bowstring.study.study import Study
-from bowstring.study.terminal import print_study
 from fem_robots import needs_ccx, small_robot
 from shell import Shell
-from stages import Stages
+from stages import Stages, printed
 from test_cli_fe import ROBOT
 
 LOADS = np.array([[0.0], [80.0]])
@@ -77,9 +74,7 @@ def test_constant_curvature_finite_elements_and_rod(
     assert "Finite elements" in html and "The robot as a solid of" in html
     written = json.loads((tmp_path / "out" / "study.json").read_text("utf-8"))
     assert written["finite_elements"] == part
-    out = io.StringIO()
-    print_study(made[0], Console(file=out, width=100), verbose=True)
-    assert "vs finite elements" in out.getvalue()
+    assert "vs finite elements" in printed(made[0], 100, verbose=True)
     freely = shell.json(*arguments, "--grip", "sliding")["finite_elements"]
     assert freely["grip"] == "sliding" and "widen and narrow" in freely["text"][0]
     assert max(freely["from_statics_mm"]) < 0.2 * max(part["from_statics_mm"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import html
-import io
 import json
 import os
 import re
@@ -18,7 +17,6 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from rich.console import Console
 
 from bowstring.data.measurements import read_measurements
 from bowstring.errors import FigureWarning, InputError
@@ -35,12 +33,11 @@ from bowstring.study.run import run_study, settings_of
 from bowstring.study.settings import Ramp
 from bowstring.study.study import SCHEMA_VERSION, Study
 from bowstring.study.summary import summarise
-from bowstring.study.terminal import print_study
 from bowstring.validity.loading import Loading
 from bowstring.validity.spread import validity_spread
 from bowstring.viz.colours import COLOURS
 from bowstring.viz.style import figure_style, svg
-from stages import Stages
+from stages import Stages, printed
 
 
 @pytest.fixture
@@ -365,10 +362,8 @@ def test_a_study_without_dynamics_says_why(paper: Study, tmp_path: Path) -> None
     assert not (folder / "tables" / "dynamics.csv").exists()
     source = (folder / "report.html").read_text("utf-8")
     assert 'id="fig05_over_time"' not in source and 'id="fig05_tip_against_force"' in source
-    out = io.StringIO()
-    print_study(found, Console(file=out, width=80), verbose=True)
-    assert "Dynamics is left out" in out.getvalue()
-    assert "vs dynamics" not in out.getvalue()
+    shown = printed(found, 80, verbose=True)
+    assert "Dynamics is left out" in shown and "vs dynamics" not in shown
 
 
 @pytest.mark.slow
@@ -452,10 +447,8 @@ def rows_of(source: str, title: str) -> dict[str, list[str]]:
 
 
 def test_terminal_page_and_table_have_the_same_contributions(written: Path, paper: Study) -> None:
-    out = io.StringIO()
-    print_study(paper, Console(file=out, width=100), verbose=True)
-    text = out.getvalue()
-    printed = {
+    text = printed(paper, 100, verbose=True)
+    in_terminal = {
         line[:26].strip(): line[26:].split()
         for line in text[text.index("(mean error)") : text.index("Actuation: mean")].splitlines()
         if line.strip()
@@ -467,7 +460,7 @@ def test_terminal_page_and_table_have_the_same_contributions(written: Path, pape
     ]
     in_table = {(r["effect"], r["case"]): r for r in table(written, "budget")}
     for row in paper.budget.rows:
-        ours = printed[re.sub(r" \(.*\)|, not a continuous tendon", "", row.label)]
+        ours = in_terminal[re.sub(r" \(.*\)|, not a continuous tendon", "", row.label)]
         in_page = []
         for page in pages:
             cells = page[row.label]
@@ -609,9 +602,7 @@ def test_the_page_shows_the_robot_in_3d(written: Path, tmp_path: Path) -> None:
 def test_the_terminal_shows_table_verdict_and_path(
     paper: Study, tmp_path: Path, width: int
 ) -> None:
-    out = io.StringIO()
-    print_study(paper, Console(file=out, width=width), tmp_path, verbose=True)
-    text = out.getvalue()
+    text = printed(paper, width, tmp_path, verbose=True)
     assert str(tmp_path / "report.html") in text
     assert "lengths, chords" in text and "force, mean arm" in text
     assert "Verdict at 1 % of length" in text
@@ -622,11 +613,10 @@ def test_the_terminal_shows_table_verdict_and_path(
 
 @pytest.mark.parametrize("width", [80, 100])
 def test_the_terminal_begins_with_the_verdict_in_27_lines(paper: Study, width: int) -> None:
-    out = io.StringIO()
-    print_study(paper, Console(file=out, width=width), Path("report"))
-    lines = out.getvalue().splitlines()
+    shown = printed(paper, width, Path("report"))
+    lines = shown.splitlines()
     assert len(lines) <= 27 and all(len(line) <= width for line in lines)
-    text = " ".join(out.getvalue().split())
+    text = " ".join(shown.split())
     limit = next(m.valid_to for m in paper.verdict.meanings if m.name == "cc_from_force")
     assert limit is not None and f"up to {limit:.3g} N" in text
     assert "because it ignores that tendons run straight between the disks; corr" in text
@@ -701,9 +691,7 @@ def test_loads_without_equilibrium_are_said_first() -> None:
     assert sentence + "." in found.to_dict()["warnings"]
     rest = dict(text.findings)
     assert [row[3] for row in text.rows] == ["\N{EN DASH}"] * 2  # over other loads
-    out = io.StringIO()
-    print_study(found, Console(file=out, width=80))
-    assert "\N{HORIZONTAL ELLIPSIS}" not in out.getvalue()  # no cell is cut
+    assert "\N{HORIZONTAL ELLIPSIS}" not in printed(found, 80)  # no cell is cut
     friction = next(sentence for heading, sentence in rest.items() if "Friction" in heading)
     assert "mm (loading, 3 of 5 loads)" in friction
     assert found.verdict.text[-1].startswith("Some commands have no equilibrium")
@@ -711,8 +699,6 @@ def test_loads_without_equilibrium_are_said_first() -> None:
 
 def test_fonts_in_a_pdf_are_truetype(tmp_path: Path) -> None:
     """IEEE's check of a paper rejects Type 3 fonts."""
-    from matplotlib.figure import Figure
-
     figure = Figure()
     figure.text(0.1, 0.5, "AVA fi \N{MINUS SIGN}2 \N{GREEK SMALL LETTER THETA}")
     with figure_style():

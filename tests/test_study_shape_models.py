@@ -11,6 +11,7 @@ from bowstring.study.shape_figures import draw_shapes
 from bowstring.study.shape_models import ShapeModel, ShapeModels
 from bowstring.study.study import Study
 from bowstring.viz.style import figure_style
+from objects import legend_of
 from stages import Stages
 
 ROBOT = bs.load_robot("amouri2019")
@@ -137,7 +138,7 @@ def test_two_segments_with_free_routing_and_precurved_backbones_are_compared() -
 def test_the_figure_has_each_model_and_the_rod(paper: Study) -> None:
     with figure_style():
         tip, disks, along = draw_shapes(paper).axes
-    labels = [text.get_text() for text in tip.get_legend().get_texts()]  # type: ignore[union-attr]
+    labels = legend_of(tip)
     assert labels == [
         "CC from lengths",
         "CC from force",

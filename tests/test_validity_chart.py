@@ -26,10 +26,7 @@ from bowstring.validity.chart_figure import force_limit, lengths_limit
 from bowstring.validity.chart_groups import Groups
 from bowstring.viz.style import figure_style
 
-
-@pytest.fixture(scope="module")
-def amouri() -> bs.Robot:
-    return bs.load_robot("amouri2019")
+ROBOT = bs.load_robot("amouri2019")
 
 
 def check_collapse(count: int, seed: int) -> None:
@@ -59,13 +56,13 @@ def test_many_random_robots_collapse() -> None:
     check_collapse(750, 1)
 
 
-def test_study_robot(amouri: bs.Robot) -> None:
-    chart = bs.validity_chart(amouri)
+def test_study_robot() -> None:
+    chart = bs.validity_chart(ROBOT)
     force = chart["cc_from_force"]
     assert force.tension is not None and force.tension_interval is not None
     bends = np.linspace(0.0, 1.385, 401)
-    groups = Groups.of(amouri)
-    error = solved_errors(amouri, groups, bends)[MODELS.index("cc_from_force")]
+    groups = Groups.of(ROBOT)
+    error = solved_errors(ROBOT, groups, bends)[MODELS.index("cc_from_force")]
     solved = first_crossing(bends, error, 0.01) * 80.0 / 1.385
     assert solved == pytest.approx(56.1, abs=0.1)
     low, high = force.tension_interval
@@ -102,9 +99,9 @@ def test_groups_of_a_robot_are_those_it_was_made_of() -> None:
             assert np.allclose(getattr(found, name), getattr(groups, name), atol=1e-12), name
 
 
-def test_tendon_turns_the_loads(amouri: bs.Robot) -> None:
+def test_tendon_turns_the_loads() -> None:
     """Load and tendon turned by the same angle give the same limits."""
-    robot = amouri.with_({"gravity": [0.0, 0.0, 9.81]})
+    robot = ROBOT.with_({"gravity": [0.0, 0.0, 9.81]})
     turn = math.radians(120.0)
     first = bs.validity_chart(robot, 0.05, tip_force=[0.03, 0.02, 0.1])
     x, y = (
@@ -117,8 +114,8 @@ def test_tendon_turns_the_loads(amouri: bs.Robot) -> None:
         assert 0.0 < a.low <= a.linear_bend <= a.high
 
 
-def test_load_beyond_the_tolerance_leaves_no_range(amouri: bs.Robot) -> None:
-    limit = bs.validity_chart(amouri, tip_force=[0.0, 0.2, 0.0])["cc_from_force"]
+def test_load_beyond_the_tolerance_leaves_no_range() -> None:
+    limit = bs.validity_chart(ROBOT, tip_force=[0.0, 0.2, 0.0])["cc_from_force"]
     assert limit.linear_bend == limit.tension == 0.0
     assert "does not hold" in limit.text
 
@@ -134,53 +131,45 @@ def test_touching_error_gives_an_interval() -> None:
     assert "interval" in limit.text
 
 
-def test_outside_the_tested_ranges_it_says_so(amouri: bs.Robot) -> None:
-    few = amouri.with_({"segments.0.disks.count": 2})
+def test_outside_the_tested_ranges_it_says_so() -> None:
+    few = ROBOT.with_({"segments.0.disks.count": 2})
     limit = bs.validity_chart(few)["cc_from_force"]
     assert not limit.reliable
     assert "number of disks is 2 (tested 3 to 20)" in limit.text
-    assert "the tolerance is 20 %" in bs.validity_chart(amouri, 0.2)["cc_from_force"].text
+    assert "the tolerance is 20 %" in bs.validity_chart(ROBOT, 0.2)["cc_from_force"].text
     assert largest_bend(Groups(disks=3, pitch=0.01)) == pytest.approx(0.36)
 
 
-def test_bad_input(amouri: bs.Robot) -> None:
+def test_bad_input() -> None:
     with pytest.raises(InputError, match="one segment"):
         bs.validity_chart(bs.load_robot("rao2021"))
-    uneven = amouri.with_({"segments.0.disks.positions": ["100 mm", "300 mm", "641 mm"]})
+    uneven = ROBOT.with_({"segments.0.disks.positions": ["100 mm", "300 mm", "641 mm"]})
     with pytest.raises(InputError, match="equal spacing"):
         bs.validity_chart(uneven)
     with pytest.raises(InputError, match="tolerance"):
-        bs.validity_chart(amouri, 0.0)
+        bs.validity_chart(ROBOT, 0.0)
     with pytest.raises(InputError, match="tip force number"):
         bs.validity_chart(Groups(9, 0.045), tip_force=[1, 0, 0])
     with pytest.raises(InputError, match="no robot was given"):
         bs.validity_chart()["cc_from_force"]
 
 
-def test_a_tolerance_is_a_number_or_in_percent(amouri: bs.Robot) -> None:
-    own = bs.validity_chart(amouri, 0.02)["cc_from_force"]
+def test_a_tolerance_is_a_number_or_in_percent() -> None:
+    own = bs.validity_chart(ROBOT, 0.02)["cc_from_force"]
     for text in ("2 %", "2%", "0.02"):
-        chart = bs.validity_chart(amouri, tolerance=text)
+        chart = bs.validity_chart(ROBOT, tolerance=text)
         assert chart.tolerance == 0.02
         assert chart["cc_from_force"] == own
 
 
 FUNCTIONS: dict[str, Callable[[Any], object]] = {
-    "validity_chart": lambda it: bs.validity_chart(bs.load_robot("amouri2019"), it),
+    "validity_chart": lambda it: bs.validity_chart(ROBOT, it),
     "chart without a robot": lambda it: bs.validity_chart(tolerance=it),
-    "validity_map": lambda it: bs.validity_map(
-        bs.load_robot("amouri2019"), ["tension=0:8 N:2"], tolerance=it
-    ),
-    "validity_grid": lambda it: bs.validity_grid(
-        bs.load_robot("amouri2019"), ["tension=0:8 N:2"], tolerance=it
-    ),
-    "workspace_map": lambda it: bs.workspace_map(
-        bs.load_robot("amouri2019"), 8.0, poses=2, tolerance=it
-    ),
-    "validity_spread": lambda it: bs.validity_spread(
-        bs.load_robot("amouri2019"), {"E": "35 +- 1 GPa"}, tolerance=it
-    ),
-    "run_study": lambda it: bs.run_study(bs.load_robot("amouri2019"), tolerance=it),
+    "validity_map": lambda it: bs.validity_map(ROBOT, ["tension=0:8 N:2"], tolerance=it),
+    "validity_grid": lambda it: bs.validity_grid(ROBOT, ["tension=0:8 N:2"], tolerance=it),
+    "workspace_map": lambda it: bs.workspace_map(ROBOT, 8.0, poses=2, tolerance=it),
+    "validity_spread": lambda it: bs.validity_spread(ROBOT, {"E": "35 +- 1 GPa"}, tolerance=it),
+    "run_study": lambda it: bs.run_study(ROBOT, tolerance=it),
 }
 
 
@@ -224,8 +213,8 @@ def test_printed_limits_solve_their_equations() -> None:
     assert lengths_limit(0.01, 0.0) == pytest.approx(math.sqrt(0.24))
 
 
-def test_figure(amouri: bs.Robot) -> None:
-    chart = bs.validity_chart(amouri)
+def test_figure() -> None:
+    chart = bs.validity_chart(ROBOT)
     with figure_style():
         figure = chart.figure()
     panels = figure.axes

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -36,6 +35,7 @@ from bowstring.validity.map_job import map_job
 from bowstring.validity.maps import STATES, validity_map
 from bowstring.validity.multi_axis_maps import compute_grid
 from bowstring.validity.sentences import described
+from objects import legend_of
 from shell import Shell
 from stages import Stages
 
@@ -601,12 +601,6 @@ def test_poses_that_are_not_solved_are_counted_by_why() -> None:
 # -- sentences ----------------------------------------------------------------------------------
 
 
-def test_a_wide_axis_finds_the_same_crossing() -> None:
-    """A step of this axis is 2000 N; what the sentence says is good to its last digit."""
-    found = validity_map(ROBOT, ["tension=0:2000 N:2"], loading=Loading(None, 9), models=[FORCE])
-    assert "from 0 to 56.1 N" in described(found)[0]
-
-
 def test_all_ranges_of_the_robot_as_it_is_are_named() -> None:
     """The curve from force comes back within 1 % from 860 to 930 N, between two points."""
     wide = "tension=0:1200 N:7"
@@ -737,12 +731,6 @@ def test_gravity_of_the_load_is_that_of_the_robot(over: list[str] | None) -> Non
 
 
 # -- figures -----------------------------------------------------------------------------------
-
-
-def legend_of(panel: Axes) -> list[str]:
-    legend = panel.get_legend()
-    assert legend is not None
-    return [text.get_text() for text in legend.get_texts()]
 
 
 def key_of(figure: Figure) -> list[str]:

@@ -14,6 +14,7 @@ from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.validity.loading import Loading
 from bowstring.validity.spread import Spread, assumed_distributions, validity_spread
+from objects import legend_of
 
 ROBOT = bs.load_robot("amouri2019")
 E = "segments.*.backbone.E"
@@ -62,10 +63,6 @@ def test_the_limit_of_each_sample_is_that_of_its_robot(found: Spread) -> None:
             assert found.limit[i] == pytest.approx(force[over[0]], abs=0.3)
         else:
             assert np.isinf(found.limit[i])
-
-
-def test_the_nominal_limit_is_that_of_the_study(found: Spread) -> None:
-    assert found.nominal == pytest.approx(56.09, abs=0.1)
 
 
 def test_a_number_that_does_not_matter_has_no_share(found: Spread) -> None:
@@ -163,9 +160,7 @@ def test_the_figure_has_all_samples_and_the_median(found: Spread) -> None:
     shares = sum(bar.get_height() for bar in above.patches)  # of the histogram and of the end
     assert shares == pytest.approx(100.0)
     assert above.patches[-1].get_height() == pytest.approx(100.0 * held)
-    legend = above.get_legend()
-    assert legend is not None
-    labels = [text.get_text() for text in legend.get_texts()]
+    labels = legend_of(above)
     assert f"holds to the end: {100.0 * held:.0f} %" in labels
     median = above.lines[labels.index("median")].get_xdata()
     np.testing.assert_allclose(median, np.quantile(found.limit, 0.5), rtol=0.02)
@@ -230,9 +225,7 @@ def test_the_legend_names_the_bound_that_is_drawn(wide: Spread) -> None:
         (wide, "97.5 % of the samples lie above"),
         (replace(wide, limit_summary=wide.error_summary), "95 % of the samples"),
     ):
-        legend = top.figure().axes[0].get_legend()
-        assert legend is not None
-        texts = [text.get_text() for text in legend.get_texts()]
+        texts = legend_of(top.figure().axes[0])
         assert label in texts and sum("of the samples" in text for text in texts) == 1
 
 

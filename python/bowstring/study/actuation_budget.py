@@ -273,15 +273,13 @@ class ActuationBudget(Result):
     def under_tension(self) -> Annotated[schema.DescribedCase, Key("tension")]:
         """Tension control without friction and elasticity: the sweep."""
         words = "tension control, no friction (this sweep)"
-        found: schema.DescribedCase = self.tension_controlled.described(words)
-        return found
+        return cast("schema.DescribedCase", self.tension_controlled.described(words))
 
     @property
     def under_displacement(self) -> Annotated[schema.CommandedCase, Key("displacement")]:
         """Displacement control without friction and elasticity."""
         words = "displacement control, inextensible tendons, no friction"
-        found: schema.CommandedCase = self.displacement_controlled.described(words)
-        return found
+        return cast("schema.CommandedCase", self.displacement_controlled.described(words))
 
     @property
     def effects(self) -> Annotated[list[schema.ActuationRow], Key("rows")]:
@@ -321,7 +319,8 @@ def actuation_budget(
     gives = {} if stiff_of is None else {"axial_stiffness": stiff_of}
     both = with_tendons(with_friction, gives, missing=True)
     elastic = with_tendons(both, {"friction": 0.0})
-    rigid = with_tendons(elastic, {"axial_stiffness": None, "compliance": 0.0})
+    inextensible = {"axial_stiffness": None, "compliance": 0.0}
+    rigid = with_tendons(elastic, inextensible)
 
     every = max(1, math.ceil(_STEPS / (len(tension) - 1)))
     there = np.linspace(0.0, tension[-1], every * (len(tension) - 1) + 1)
@@ -425,7 +424,6 @@ def actuation_budget(
         rested, _ = solved(soft, Load(model.tensions(and_back)), held=True)
         held += (row("relaxation", label, (), rested),)
     if (creep := float(given.creep[t, :, 0].sum())) > 0.0:
-        inextensible = {"axial_stiffness": None, "compliance": 0.0}
         flows = with_tendons(without_laws(model.given_robot, "creep"), inextensible)
         crept, _ = solved(flows, Load(displacements=displacements), held=True)
         label = f"displacement control, creep of the tendons ({1e3 * creep:.4g} mm/N), load held"
@@ -576,7 +574,6 @@ def _in_words(
     rows: tuple[ActuationRow, ...], loops: tuple[Loop, Loop], friction: Source, elasticity: Source
 ) -> tuple[str, ...]:
     up, down, *stretches, loaded, released = rows
-    by_tension, by_displacement = loops
     out = []
 
     def mean(row: ActuationRow) -> str:
@@ -586,7 +583,6 @@ def _in_words(
         return in_mm(row.mean_error(row.base))
 
     if math.isfinite(up.moved) and math.isfinite(down.moved):
-        source = _SAID[friction]
         true, *changed = (
             case.comparisons["cc_from_lengths"].mean for case in (up.base, up.case, down.case)
         )
@@ -598,7 +594,7 @@ def _in_words(
             )
         mu = up.label.split(",")[0].split(" (")[0].removeprefix("friction ")
         out.append(
-            f"Tension control: friction of {mu} at the holes ({source}) moves the tip by "
+            f"Tension control: friction of {mu} at the holes ({_SAID[friction]}) moves the tip by "
             f"{in_mm(up.moved)} on average during loading and {in_mm(down.moved)} during "
             f"unloading. The mean error of constant curvature from force changes from {own(up)} to "
             f"{mean(up)} (loading) and {mean(down)} (unloading).{from_lengths}"
@@ -627,7 +623,7 @@ def _in_words(
             if loop.control == "tension"
             else f"a tendon displacement of {in_mm(loop.widest_at)}"
         )
-        for loop in (by_tension, by_displacement)
+        for loop in loops
         if math.isfinite(loop.width)
     ]
     if widths:

@@ -337,12 +337,8 @@ def _in_words(found: AgainstAngles, robot: Robot, tolerance: float) -> tuple[str
     ]
     for name in (name for name in SUBJECTS if name in found.models):
         c = found.comparison(name)
-        subject = SUBJECTS[name]
-        if name == "cc_from_lengths" and found.lengths_of != "measurement":
-            rod = "the calibrated rod" if found.lengths_of == "rod_calibrated" else "the rod"
-            subject += f" (those of {rod}, for none were measured)"
         sentence = (
-            f"{subject} has a mean angle error of {_mean(c)} and a largest of "
+            f"{found.subject(name)} has a mean angle error of {_mean(c)} and a largest of "
             f"{_degrees(c.score.largest)} deg"
         )
         if c.frame == "calibrated" and name != "cc_calibrated":

@@ -139,18 +139,6 @@ def arcs_of(robot: Robot, name: str, commands: Floats) -> RobotArcs:
     return RobotArcs.from_lengths(robot, commands, None if name == "cc_from_lengths" else "chord")
 
 
-def points_by_arcs(
-    robot: Robot, name: str, commands: Floats, tool: Floats | None = None
-) -> tuple[Floats, str]:
-    """Points (n, 3) by constant curvature, m: the tip, or `tool` in the tip's axes.
-
-    Rows without an arc are NaN; also returns the reason of the last such row.
-    """
-
-    position, rotation, reason = poses_by_arcs(robot, name, commands)
-    return position if tool is None else np.asarray(position + rotation @ tool), reason
-
-
 def poses_by_arcs(robot: Robot, name: str, commands: Floats) -> tuple[Floats, Floats, str]:
     """Position (n, 3), m, and rotation (n, 3, 3) of the tip by constant curvature.
 
@@ -287,7 +275,7 @@ class Model:
     def constant_curvature(self, name: str, tension: Floats, lengths: Floats) -> Floats:
         """Tips (n, 3) by constant curvature of the nominal robot, m; NaN where it has none."""
         commands = self.tensions(tension) if name in FROM_FORCE else lengths
-        return points_by_arcs(self.robot, name, commands)[0]
+        return poses_by_arcs(self.robot, name, commands)[0]
 
     def compare(
         self,

@@ -19,7 +19,7 @@ table), in base axes. All values are in SI; K is the number of rows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final, Literal
 
@@ -238,10 +238,21 @@ class Against:
         """Names of the available models."""
         return tuple(dict.fromkeys(c.name for c in self.comparisons))
 
+    def subject(self, name: str) -> str:
+        """Beginning of a sentence on a model of `SUBJECTS`."""
+        if name != "cc_from_lengths" or self.lengths_of == "measurement":
+            return SUBJECTS[name]
+        rod = "the calibrated rod" if self.lengths_of == "rod_calibrated" else "the rod"
+        return f"{SUBJECTS[name]} (those of {rod}, for none were measured)"
+
     @property
     def labels(self) -> dict[str, str]:
         """Labels of the models; they state tendon lengths that were not measured."""
-        return labels_of(self.models, self.lengths_of)
+        whose = {
+            "rod_calibrated": "CC from lengths of the calibrated rod",
+            "rod": "CC from lengths of the rod",
+        }.get(self.lengths_of, "CC from lengths")
+        return {name: DATA_MODELS[name].replace("CC from lengths", whose) for name in self.models}
 
 
 @dataclass(frozen=True, eq=False)
@@ -354,15 +365,6 @@ class AgainstData(Against):
             "text": list(self.text),
             "notes": list(self.notes),
         }
-
-
-def labels_of(models: Iterable[str], lengths_of: str) -> dict[str, str]:
-    """Labels of models; they state tendon lengths that were not measured."""
-    whose = {
-        "rod_calibrated": "CC from lengths of the calibrated rod",
-        "rod": "CC from lengths of the rod",
-    }.get(lengths_of, "CC from lengths")
-    return {name: DATA_MODELS[name].replace("CC from lengths", whose) for name in models}
 
 
 def _turn(frame: Rigid) -> float:
@@ -622,8 +624,12 @@ def judge_data(
     notify(1.0)
     compared = None
     if compare and calibration is not None:
+        # friction is one of the memories there
+        names = [name for name in calibration.fit.names if not name.endswith(".friction")]
         try:
-            compared = _compared(robot, data, calibration, lambda share: report(0.2 + 0.8 * share))
+            compared = compare_models(
+                robot, data, names, progress=lambda _, share: report(0.2 + 0.8 * share)
+            )
         except BowstringError as error:
             notes.append(f"Models are not compared on left-out rows: {str(error).rstrip('.')}.")
     report(1.0)
@@ -649,17 +655,6 @@ def judge_data(
     of_order = order.sentence if order.alarm else order.remark
     doubts = [each for each in (data.doubt, of_order) if each]
     return replace(out, text=_in_words(out, tolerance, order), doubts=tuple(doubts))
-
-
-def _compared(
-    robot: Robot,
-    data: Measurements,
-    calibration: StudyCalibration,
-    progress: Callable[[float], None],
-) -> ModelComparison:
-    """Compare models on left-out rows; friction is one of the memories there."""
-    names = [name for name in calibration.fit.names if not name.endswith(".friction")]
-    return compare_models(robot, data, names, progress=lambda _, share: progress(share))
 
 
 def _points(
@@ -926,14 +921,11 @@ def _over(c: DataComparison, found: AgainstData) -> str:
 
 def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
     registered = found.comparison(name)
-    subject = SUBJECTS[name]
+    subject = found.subject(name)
     own = name == "cc_calibrated"
     if own and found.gains:
         gains = ", ".join(significant(g, 4) for g in found.gains.values())
         subject += f" (gain {gains}, with a base frame of its own)"
-    elif name == "cc_from_lengths" and found.lengths_of != "measurement":
-        rod = "the calibrated rod" if found.lengths_of == "rod_calibrated" else "the rod"
-        subject += f" (those of {rod}, for none were measured)"
     out = (
         f"{subject} has a mean error of {_mean(registered)}{_over(registered, found)}, "
         f"{in_percent(registered.mean / registered.length)} of length, and a largest of "

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import numpy as np
 
@@ -179,20 +179,17 @@ class Budget(Result):
     @property
     def of_baseline(self) -> Annotated[schema.DescribedCase, Key("baseline")]:
         """The baseline."""
-        found: schema.DescribedCase = self.baseline.described(self.baseline_description)
-        return found
+        return cast("schema.DescribedCase", self.baseline.described(self.baseline_description))
 
     @property
     def of_full_model(self) -> Annotated[schema.DescribedCase, Key("full_model")]:
         """The full model."""
-        found: schema.DescribedCase = self.full_model.described(self.full_model_description)
-        return found
+        return cast("schema.DescribedCase", self.full_model.described(self.full_model_description))
 
     @property
     def of_sweep(self) -> Annotated[schema.Case, Key("sweep")]:
         """The physics of the sweep."""
-        found: schema.Case = self.sweep.to_dict()
-        return found
+        return cast("schema.Case", self.sweep.to_dict())
 
     @property
     def effects(self) -> Annotated[list[schema.BudgetRow], Key("rows")]:

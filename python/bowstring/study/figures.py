@@ -228,8 +228,7 @@ def _robot(study: Study) -> Figure:
     figure, axes = _view(3.8)
     last = int(np.flatnonzero(study.statics.converged)[-1])
     position, rotation = study.statics.disk_positions[last], study.statics.disk_rotations[last]
-    found = backbones(study)
-    rod, *arcs = found.shapes
+    rod, *arcs = backbones(study)[1]
     points = _draw_robot(axes, study, rod.backbone, position, rotation)
     axes.plot([], [], [], color=LIGHT["ink"], label="rod")
     for shape in arcs:
@@ -446,10 +445,10 @@ def _magnify_end(
 
 def _backbones(study: Study) -> Figure:
     """Draw shapes at the largest load, and their distance from statics along the robot."""
-    found = backbones(study)
+    tension, found = backbones(study)
     figure, (shapes, apart) = subplots(2, 6.0, height_ratios=(2, 1))
     stations = np.concatenate([[0.0], study.robot.disks.station_m]) / study.length * 100.0
-    for shape in found.shapes:
+    for shape in found:
         label, colour, line, marker = _SHAPES[shape.name]
         look: dict[str, Any] = {"color": LIGHT[colour], "marker": marker, "markersize": 4.5}
         shapes.plot(
@@ -464,7 +463,7 @@ def _backbones(study: Study) -> Figure:
     shapes.set(xlabel=f"{_direction(study)} (mm)", ylabel="z (mm)")
     shapes.set_aspect("equal", adjustable="datalim")
     legend_above(shapes, 3)
-    shapes.set_title(f"{study.settings.actuated} at {found.tension:.4g} N", pad=22)
+    shapes.set_title(f"{study.settings.actuated} at {tension:.4g} N", pad=22)
     apart.set(xlabel="disk (% of length from the base)", ylabel="CC from rod model,\nby disk (mm)")
     apart.set_ylim(0.0, max(apart.get_ylim()[1], TINY * 1e3))
     return figure

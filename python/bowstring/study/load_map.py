@@ -69,10 +69,9 @@ def check_load_axis(robot: Robot, model: Model, over: str | None) -> Axis:
         check_dead_loads(robot, [axis.path], _load(model, axis))
         return axis
     gravity = float(np.linalg.norm(robot.gravity))
-    force = transverse_force(robot, _MOST_MOVED)
     if gravity > 0.0:
         return Axis("payload", 0.0, transverse_force(robot, _MOST_MOVED, gravity), _POINTS)
-    return Axis("tip_force", 0.0, force, _POINTS)
+    return Axis("tip_force", 0.0, transverse_force(robot, _MOST_MOVED), _POINTS)
 
 
 def load_map(model: Model, settings: Settings, axis: Axis) -> ValidityMap | None:

@@ -13,7 +13,7 @@ from bowstring.results import Key, Result
 from bowstring.robot.laws import LAWS
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
-from bowstring.study.comparison import COMPARISONS, FROM_FORCE, points_by_arcs
+from bowstring.study.comparison import COMPARISONS, FROM_FORCE, poses_by_arcs
 from bowstring.study.settings import Settings
 from bowstring.study.sweeps import GeometricSweep, Statics
 from bowstring.validity.loading import FARTHEST
@@ -162,4 +162,4 @@ def _without_arcs(robot: Robot, settings: Settings, statics: Statics, name: str)
     last = int(np.flatnonzero(statics.converged)[-1])
     force = statics.tension[last] * np.array(settings.shares)
     commands = force if name in FROM_FORCE else statics.tendon_lengths[last]
-    return points_by_arcs(robot, name, commands[None])[1].partition(";")[0] or "no arc fits"
+    return poses_by_arcs(robot, name, commands[None])[2].partition(";")[0] or "no arc fits"

@@ -28,18 +28,12 @@ class Shape:
     """Distance of each disk from the same disk by statics (N,), m."""
 
 
-@dataclass(frozen=True)
-class Backbones:
-    """All backbones at one load."""
+def backbones(study: Study) -> tuple[float, list[Shape]]:
+    """Compute the shapes of rod and constant curvature at the largest load of a study.
 
-    tension: float
-    """Tension of the actuated tendon, N: the largest load of the sweep with an equilibrium."""
-    shapes: tuple[Shape, ...]
-    """Shapes, statics first; constant curvature where it has an arc."""
-
-
-def backbones(study: Study) -> Backbones:
-    """Compute the shapes of rod and constant curvature at the largest load of a study."""
+    Returns the tension of the actuated tendon, N, at the largest load of the sweep with an
+    equilibrium; and the shapes, statics first, constant curvature where it has an arc.
+    """
     statics = study.statics
     last = int(np.flatnonzero(statics.converged)[-1])
     tension = float(statics.tension[last])
@@ -62,4 +56,4 @@ def backbones(study: Study) -> Backbones:
             continue
         away = np.linalg.norm(arcs.disk_positions - disks, axis=-1)
         shapes.append(Shape(name, arcs.centerline(), arcs.disk_positions, away))
-    return Backbones(tension, tuple(shapes))
+    return tension, shapes

@@ -25,7 +25,6 @@ COLUMNS: Final = ("CC from", "valid to", "mean error", "mean, corrected", "large
 """Columns of the table; the corrected error is the mean with the correction in closed form."""
 
 _FEWEST: Final = 3  # least loads of a mean; one of them is mostly without tension
-_SOURCES: Final = {"cc_from_lengths": "from lengths", "cc_from_force": "from force"}
 _INPUTS: Final = {
     "cc_from_lengths": "tendon lengths",
     "cc_from_force": "force (linear law)",
@@ -151,7 +150,7 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
             each = " in each segment" if len(study.robot.segments) > 1 else ""
             top = significant(fit.top)
             yield (
-                f"Polynomial {_SOURCES[meaning.name]}",
+                f"Polynomial {LABELS[meaning.name]}",
                 f"largest error {in_mm(fit.max_error)} for any tensions whose sum{each} is at "
                 f"most {top} N; degree {fit.degree}, {len(fit.exponents)} terms; --correction "
                 "python, c or matlab writes it as code",
@@ -172,7 +171,7 @@ def _correction(study: Study) -> Iterator[tuple[str, str]]:
         error = in_mm(corrected.max_error)
         if corrected.undecided:
             error += f", with no result beyond {significant(corrected.valid_to or 0.0)} N"
-        yield f"Corrected {_SOURCES[meaning.name]}", f"{formula}; largest error then {error}"
+        yield f"Corrected {LABELS[meaning.name]}", f"{formula}; largest error then {error}"
 
 
 def _formula(robot: Robot, from_force: bool) -> str | None:

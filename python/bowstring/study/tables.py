@@ -74,15 +74,15 @@ def study_tables(study: Study) -> Iterable[Table]:
     )
     yield _by_disk("statics_configurations", "tension_N", s.tension, s.disk_positions)
 
-    found = backbones(study)
-    count = len(found.shapes[0].disks)
+    tension, shapes = backbones(study)
+    count = len(shapes[0].disks)
     yield _table(
         "backbones",
-        ("name", np.repeat([shape.name for shape in found.shapes], count)),
-        ("tension_N", [found.tension] * count * len(found.shapes)),
-        ("disk", np.tile(np.arange(1, count + 1), len(found.shapes))),
-        (_POSITION, np.concatenate([shape.disks for shape in found.shapes]) * 1e3),
-        ("from_statics_mm", np.concatenate([shape.from_statics for shape in found.shapes]) * 1e3),
+        ("name", np.repeat([shape.name for shape in shapes], count)),
+        ("tension_N", [tension] * count * len(shapes)),
+        ("disk", np.tile(np.arange(1, count + 1), len(shapes))),
+        (_POSITION, np.concatenate([shape.disks for shape in shapes]) * 1e3),
+        ("from_statics_mm", np.concatenate([shape.from_statics for shape in shapes]) * 1e3),
     )
 
     motion = study.dynamics
@@ -116,8 +116,8 @@ def study_tables(study: Study) -> Iterable[Table]:
         ("error_mm", np.concatenate([c.error for c in comparisons]) * 1e3),
         ("error_percent", np.concatenate([c.error / c.length for c in comparisons]) * 100.0),
     )
-    shapes: list[Mapping[str, Any]] = [model.to_dict() for model in study.shapes.models]
-    yield _table("shapes", *((key, [row[key] for row in shapes]) for key in shapes[0]))
+    rows = [model.to_dict() for model in study.shapes.models]
+    yield _table("shapes", *((key, [row[key] for row in rows]) for key in rows[0]))
     if study.data is not None:
         yield from _data_tables(study.data)
     if study.angles is not None:

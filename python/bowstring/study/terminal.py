@@ -17,7 +17,7 @@ from bowstring.study.actuation_budget import COMMANDED
 from bowstring.study.comparison import COMPARISONS, LABELS, MEANINGS, Case, short
 from bowstring.study.error_budget import Side
 from bowstring.study.study import Study
-from bowstring.study.summary import COLUMNS, summarise
+from bowstring.study.summary import COLUMNS, Summary, summarise
 from bowstring.study.tables import simulated
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def print_study(
         console.print(Text.assemble((f"{heading}: ", "bold"), sentence))
     if verbose:
         console.print()
-        _print_details(study, console)
+        _print_details(study, summary, console)
     if folder is not None:
         if not verbose:
             console.print(Text("All tables: in the report, or here with --verbose", style="dim"))
@@ -62,9 +62,8 @@ def print_study(
         console.print(Text(str(folder / "report.html")), soft_wrap=True)
 
 
-def _print_details(study: Study, console: Console) -> None:
+def _print_details(study: Study, summary: Summary, console: Console) -> None:
     """Print all tables, and the whole verdict."""
-    summary = summarise(study)
     table = _table(summary.reference, COLUMNS)
     for cells in summary.rows:
         table.add_row(*cells)

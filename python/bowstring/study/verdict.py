@@ -257,13 +257,10 @@ def _meaning(model: Model, name: str, case: Case, tension: Floats, tolerance: fl
     error = case.error(name)
     known = np.isfinite(error)
     shares_at = found.exceeded[0][0] if found.exceeded else found.max_at
-    shares: tuple[Share, ...] = ()
-    if np.any(known):
-        shares = shares_of(model, name, shares_at)
     meaning = Meaning(
         **vars(found),
         shares_at=shares_at,
-        shares=shares,
+        shares=shares_of(model, name, shares_at) if known.any() else (),
         corrected=_range(model, CORRECTED[name], case, tension, limit),
         polynomial=None,
         polynomial_to=None,

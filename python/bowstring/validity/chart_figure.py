@@ -32,14 +32,10 @@ def draw(chart: ValidityChart) -> Figure:
     import matplotlib as mpl
 
     with mpl.rc_context({"text.parse_math": True}):  # labels are formulas, without text of files
-        return _drawn(chart)
-
-
-def _drawn(chart: ValidityChart) -> Figure:
-    figure, (force, lengths, loads) = subplots(3, 9.6, height_ratios=(4, 3, 3))
-    _from_force(force, chart)
-    _from_lengths(lengths, chart)
-    _loads(loads, chart)
+        figure, (force, lengths, loads) = subplots(3, 9.6, height_ratios=(4, 3, 3))
+        _from_force(force, chart)
+        _from_lengths(lengths, chart)
+        _loads(loads, chart)
     return figure
 
 

@@ -48,6 +48,8 @@ CommandName = Literal[
     "physics",
 ]
 
+_Landed = tuple[Floats, dict[str, Floats], float | None, dict[str, float]]
+
 _POSES: Final = 1024
 _LANDS: Final = 0.9  # commands with a smaller share of tips with an equilibrium are not compared
 _SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the dead loads
@@ -348,15 +350,17 @@ def control_errors(
         commander = Commander(robot, part, model, least, most)
         return _landed(commander, count, chosen, times, tell)
 
-    whole_load = at(load, poses, corrections, 0.0)
-    if not len(whole_load.wanted):
+    wanted, landed, scale, seconds = at(load, poses, corrections, 0.0)
+    if not len(wanted):
         raise no_pose(robot, poses)
-    by_load: dict[str, list[list[float]]] = {name: [] for name in whole_load.landed}
+    by_load: dict[str, list[list[float]]] = {name: [] for name in landed}
     for k, share in enumerate(shares):
         part = _scaled(robot, load, float(share))
-        found = whole_load if share == 1.0 else at(part, min(poses, 256), 0, 1.0 + k)
+        here, there = wanted, landed
+        if share != 1.0:
+            here, there, *_ = at(part, min(poses, 256), 0, 1.0 + k)
         for name, rows in by_load.items():
-            away = np.linalg.norm(found.landed[name][0] - found.wanted, axis=-1)
+            away = np.linalg.norm(there[name][0] - here, axis=-1)
             rows.append([known_mean(away), known_max(away)])
     notify("poses", 1.0)
     return ControlErrors(
@@ -365,23 +369,13 @@ def control_errors(
         tolerance,
         most,
         poses,
-        whole_load.wanted,
-        whole_load.landed,
-        whole_load.scale,
-        whole_load.seconds,
+        wanted,
+        landed,
+        scale,
+        seconds,
         shares,
         {name: np.array(rows) for name, rows in by_load.items() if rows},
     )
-
-
-@dataclass(frozen=True)
-class _Landed:
-    """Wanted tips, and where commands lead at one load."""
-
-    wanted: Floats
-    landed: dict[str, Floats]
-    scale: float | None
-    seconds: dict[str, float]
 
 
 def _landed(
@@ -391,6 +385,7 @@ def _landed(
     corrections: int,
     notify: Progress,
 ) -> _Landed:
+    """Wanted tips, tips by command, stiffness scale and seconds, as of `ControlErrors`."""
     robot, load, model = commander.robot, commander.load, commander.model
     points = sobol_points(len(commander.most), poses)
     tensions = drawn_tensions(robot, commander.most, points)
@@ -399,7 +394,7 @@ def _landed(
     landed: dict[str, Floats] = {}
     seconds: dict[str, float] = {}
     if not len(wanted):
-        return _Landed(wanted, {name: np.zeros((1, 0, 3)) for name in names}, None, seconds)
+        return wanted, {name: np.zeros((1, 0, 3)) for name in names}, None, seconds
     steps = len(names) + 1.0
     start = time.perf_counter()
     bends = commander.bends_to(wanted)
@@ -425,12 +420,12 @@ def _landed(
         seconds["physics"] = (time.perf_counter() - start) / len(wanted)
         landed["physics"] = commander.land("physics", exact.tensions)[None]
     scale = commander.scale if "tensions_calibrated" in names else None
-    return _Landed(wanted, landed, scale, seconds)
+    return wanted, landed, scale, seconds
 
 
 def _chosen(commander: Commander, names: Sequence[str] | None) -> tuple[str, ...]:
     if names is None:
-        return commander.available()
+        return tuple(name for name in BY_ARCS if commander.refusal(name) is None)
     if isinstance(names, str) or not names:
         raise InputError(f"commands is {names!r:.60}, it must be names in a list")
     for name in names:

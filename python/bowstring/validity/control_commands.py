@@ -77,14 +77,13 @@ class Commander:
 
     def command(self, name: str, bends: Floats) -> Floats:
         """Tensions in N or displacements in m (P, T) for bends (P, S, 2)."""
-        if name == "displacements":
-            return self._displacements(bends, chord=False)
-        if name == "displacements_chord":
-            return self._displacements(bends, chord=True)
+        if name.startswith("displacements"):
+            return self._displacements(bends, "chord" if name.endswith("chord") else None)
         if name == "tensions_arm":
             return self._by_arm(bends)
         scale = self.scale if name == "tensions_calibrated" else 1.0
-        return self._by_law(bends, scale)
+        limits = self.least / scale, self.most / scale
+        return scale * tensions_of(self.robot, self._arcs(bends), *limits)
 
     def land(self, name: str, commands: Floats) -> Floats:
         """Tips (P, 3) in m by physics under commands (P, T); NaN without a stable equilibrium."""
@@ -147,10 +146,6 @@ class Commander:
         at_limit = abs(limits[nearest] - found) < _AT_LIMIT
         self.scale = SCALES[nearest] if at_limit else float(np.exp(found))
 
-    def available(self) -> tuple[str, ...]:
-        """Names of the commands of constant curvature that this robot takes."""
-        return tuple(name for name in BY_ARCS if self.refusal(name) is None)
-
     def refusal(self, name: str) -> str | None:
         """Say why the robot does not take a command, or None."""
         straight = np.zeros((1, len(self.robot.segments), 2))
@@ -170,15 +165,9 @@ class Commander:
         )
         return RobotArcs(self.robot, arc, correction)  # type: ignore[arg-type]
 
-    def _displacements(self, bends: Floats, *, chord: bool) -> Floats:
-        correction = "chord" if chord else None
+    def _displacements(self, bends: Floats, correction: str | None) -> Floats:
         rest = RobotArcs(self.robot, self._at_rest.arc, correction)  # type: ignore[arg-type]
         return np.asarray(rest.lengths() - self._arcs(bends, correction).lengths())
-
-    def _by_law(self, bends: Floats, scale: float) -> Floats:
-        """Tensions by the linear law with a scaled bending stiffness."""
-        limits = self.least / scale, self.most / scale
-        return scale * tensions_of(self.robot, self._arcs(bends), *limits)
 
     def _by_arm(self, bends: Floats) -> Floats:
         """Tensions whose arcs by the law with the mean lever arm are those wanted."""
@@ -253,6 +242,12 @@ def prepared(
         The given or the default one.
     ndarray (T,)
         Largest tensions in N.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, or the tensions are too large: the pose without tension has an
+        equilibrium, and none of a few others.
     """
     load, model = instance("load", load, Load), instance("model", model, RodModel)
     if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
@@ -261,7 +256,17 @@ def prepared(
     robot = without_laws(robot)
     most = largest_tensions(robot, max_tension)
     solve(robot, np.zeros(len(most)), load=load, model=model)  # refuses loads that do not fit
-    check_some_solved(robot, most, load, model)
+    # a pose without equilibrium takes as long as several with one, so that a few are tried first
+    tensions = drawn_tensions(robot, most, sobol_points(len(most), _TRIED))
+    found = solve_batch(robot, tensions, load=load, model=model, disks=False).converged
+    if found[0] and not found[1:].any():
+        half_turn = float(default_max_tension(robot).max())
+        raise InputError(
+            f"none of {_TRIED - 1} poses with tensions up to {most.max():g} N has a stable "
+            f"equilibrium; by the linear law {significant(half_turn)} N bends a segment of "
+            f"{robot.name} by half a turn: give a smaller largest tension",
+            argument="max_tension",
+        )
     return robot, load, model, most
 
 
@@ -282,39 +287,6 @@ def drawn_tensions(robot: Robot, most: Floats, points: Floats) -> Floats:
     both = np.where(points <= 0.5, 2.0 * points, 1.0 - 2.0 * points)
     shares = np.where(robot.tendons.pushes & (whole > 0.0), both, whole * points)
     return np.asarray(most * shares)
-
-
-def check_some_solved(robot: Robot, most: Floats, load: Load, model: RodModel) -> None:
-    """Refuse largest tensions up to which a few poses have no equilibrium, before many are solved.
-
-    A pose without equilibrium takes as long as several with one.
-
-    Parameters
-    ----------
-    robot : Robot
-        Without friction.
-    most : ndarray (T,)
-        Largest tensions in N.
-    load : Load
-        Dead loads, with arrays.
-    model : RodModel
-
-    Raises
-    ------
-    InputError
-        If they are too large: the pose without tension has an equilibrium, and no other.
-    """
-    points = sobol_points(len(most), _TRIED)
-    tensions = drawn_tensions(robot, most, points)
-    found = solve_batch(robot, tensions, load=load, model=model, disks=False).converged
-    if found[0] and not found[1:].any():
-        half_turn = float(default_max_tension(robot).max())
-        raise InputError(
-            f"none of {_TRIED - 1} poses with tensions up to {most.max():g} N has a stable "
-            f"equilibrium; by the linear law {significant(half_turn)} N bends a segment of "
-            f"{robot.name} by half a turn: give a smaller largest tension",
-            argument="max_tension",
-        )
 
 
 def no_pose(robot: Robot, poses: int) -> NoSolutionError:

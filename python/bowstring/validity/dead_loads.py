@@ -90,7 +90,7 @@ def dead_loads(
     for path, value in values.items():
         name, _, along = path.partition(".")
         if along:
-            vectors[name][:, "xyz".index(along)] = value
+            vectors[name][:, "xyz".index(along) if along in "xyz" else int(along)] = value
             changed.add(name)
     if "tip_force" in values:
         vectors["tip_force"] = np.outer(values["tip_force"], force / np.linalg.norm(force))

@@ -115,29 +115,16 @@ class RampErrors:
         at_end = self.converged[np.arange(len(first)), np.minimum(first, loads - 1)]
         return np.asarray((first == loads) | at_end)
 
-    def undefined(self, name: str) -> Bools:
-        """Loads with an equilibrium at which a model has no arc (P, L)."""
-        return np.asarray(self.converged & ~np.isfinite(self.error[name]))
-
     def is_defined(self, metric: str, name: str, tolerance: float) -> Bools:
         """Whether a model has an error at all loads that a metric covers (P,)."""
-        solved = self.is_solved(metric, name, tolerance)
-        return np.asarray(solved & self._has_arc(metric, name, tolerance))
-
-    def _has_arc(self, metric: str, name: str, tolerance: float) -> Bools:
-        """Whether a model has an arc at all solved loads that a metric covers (P,).
-
-        For ``valid_to`` these are the loads up to the first crossing of the tolerance.
-        """
-        undefined = self.undefined(name)
+        known = np.isfinite(self.error[name])  # not where a load has no equilibrium
         if metric == "error":
-            return np.asarray(~undefined[:, -1])
+            return np.asarray(self.solved & known[:, -1])
         if metric != "valid_to":
-            return np.asarray(~undefined.any(axis=1))
-        first = self._stop(name, tolerance)
-        rows = np.arange(len(undefined))
-        ends = np.minimum(first, undefined.shape[1] - 1)
-        return np.asarray(~((first < undefined.shape[1]) & undefined[rows, ends]))
+            return np.asarray(known.all(axis=1))
+        first, loads = self._stop(name, tolerance), known.shape[1]
+        at_end = known[np.arange(len(first)), np.minimum(first, loads - 1)]
+        return np.asarray((first == loads) | at_end)
 
     def metric(self, metric: str, name: str, tolerance: float) -> Floats:
         """A metric of a model (P,), one of `bowstring.validity.map_settings.METRICS`.

@@ -135,7 +135,9 @@ def _curves(found: ValidityMap) -> Figure:
         panel.set_ylim(bottom=0.0)
     for _, own in _marked(found):
         panel.axvline(own, ls=":", label="this robot", **ink)
-    _shade_states(panel, found, x)
+    for states, hatch in HATCHES:
+        where = np.isin(found.state, states)
+        _shade(panel, x, where, hatch, LIGHT["muted"], _states_label(found, states))
     for (name, undefined), colour in zip(found.undefined.items(), _LINES, strict=False):
         label = f"{LABELS[name]}: not defined"
         _shade(panel, x, undefined, UNDEFINED, LIGHT[colour], label)
@@ -163,12 +165,6 @@ def _crossings(found: ValidityMap, name: str) -> str:
 def _states_label(found: ValidityMap, states: Sequence[int]) -> str:
     """Those of some states that occur on the map, in words."""
     return ", or ".join(STATES[state] for state in states if np.any(found.state == state))
-
-
-def _shade_states(panel: Axes, found: ValidityMap, x: Floats) -> None:
-    for states, hatch in HATCHES:
-        where = np.isin(found.state, states)
-        _shade(panel, x, where, hatch, LIGHT["muted"], _states_label(found, states))
 
 
 def _shade(panel: Axes, x: Floats, where: Bools, hatch: str, colour: str, label: str) -> None:

@@ -112,6 +112,10 @@ class MapSettings(Result):
         """Metric (P,) by model."""
         return {name: errors.metric(self.metric, name, self.tolerance) for name in self.models}
 
+    def values_at(self, points: Floats) -> list[Floats]:
+        """Metric (P,) of each model at points (P, A)."""
+        return list(self.measure(self.errors(points)).values())
+
     def defined(self, errors: RampErrors) -> dict[str, Bools]:
         """Whether each model has an error at all loads that its metric covers (P,)."""
         return {name: errors.is_defined(self.metric, name, self.tolerance) for name in self.models}

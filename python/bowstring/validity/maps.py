@@ -531,15 +531,11 @@ def _two_equilibria(
 def _refined(settings: MapSettings, values: list[Floats]) -> Refined:
     """Lines on which the values (Y, X) of each model have the tolerance."""
     axes, level = settings.space.axes, settings.tolerance
-
-    def at(new: Floats) -> list[Floats]:
-        return list(settings.measure(settings.errors(new)).values())
-
     x, y = (axis.values for axis in axes)
     order = [np.argsort(values) for values in (x, y)]
     grids = [value[np.ix_(order[1], order[0])] for value in values]
     whole = (axes[0].is_whole, axes[1].is_whole)
-    return contours(x[order[0]], y[order[1]], grids, level, at, whole)
+    return contours(x[order[0]], y[order[1]], grids, level, settings.values_at, whole)
 
 
 def _own_ramp(space: DesignSpace) -> tuple[int | None, dict[int, float]]:
@@ -563,10 +559,6 @@ def _on_one_axis(
     Then the points of the refined axis and the values there by model; empty of whole numbers.
     """
     (axis,), level = settings.space.axes, settings.tolerance
-
-    def at(new: Floats) -> list[Floats]:
-        return list(settings.measure(settings.errors(new[:, None])).values())
-
     ahead = np.argsort(axis.values)
     x = axis.values[ahead]
     grids = [one[ahead] for one in value.values()]
@@ -575,8 +567,8 @@ def _on_one_axis(
         nothing = np.zeros(0)
         pairs = zip(value, grids, strict=True)
         return empty, {name: holding(x, one, nothing, level) for name, one in pairs}, (), {}
-    x, fine = halved(x, grids, at)
-    marks = crossings(x, fine, level, at)
+    x, fine = halved(x, grids, settings.values_at)
+    marks = crossings(x, fine, level, settings.values_at)
     return (
         {n: [np.array([[mark]]) for mark in one] for n, one in zip(value, marks, strict=True)},
         {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -33,6 +33,7 @@ from bowstring.uncertainty import (
 )
 from bowstring.validation import choice, instance, share_of_length
 from bowstring.validity.axes import BY_DISPLACEMENT
+from bowstring.validity.dead_loads import dead_loads
 from bowstring.validity.design_space import RampErrors
 from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
@@ -408,7 +409,7 @@ def sampled(
 
     def results(samples: Floats) -> Floats:
         try:
-            rods = replace(_rods(robot, load, joint.by_path(samples)), model=theory)
+            rods = _rods(robot, theory, load, joint.by_path(samples))
         except InputError as refusal:
             text = f"samples reach a robot that is refused: {refusal}"
             raise InputError(text, argument=refusal.argument) from refusal
@@ -509,39 +510,21 @@ def _check_paths(joint: Distributions) -> None:
             raise InputError(f"{path} cannot vary here: with given tensions it changes nothing")
 
 
-def _rods(robot: Robot, load: Load, values: Mapping[str, Floats]) -> Rods:
+def _rods(robot: Robot, model: RodModel, load: Load, values: Mapping[str, Floats]) -> Rods:
     """Rods of the samples: numbers of the robot, and components of its load."""
     count = len(next(iter(values.values())))
-    of_robot = {p: v for p, v in values.items() if not p.startswith(("tip_force.", "gravity."))}
-    vectors: dict[str, Floats] = {}
-    for path, v in values.items():
-        head, _, along = path.partition(".")
-        if path in of_robot:
-            continue
-        given = getattr(load, head)
-        base = robot.gravity if head == "gravity" and given is None else given
-        start = np.zeros(3) if base is None else np.asarray(base, dtype=float)
-        vectors.setdefault(head, np.tile(start, (count, 1)))
-        vectors[head][:, "xyz".index(along) if along in "xyz" else int(along)] = v
+    of_load = {p: v for p, v in values.items() if p.startswith(("tip_force.", "gravity."))}
+    of_robot = {p: v for p, v in values.items() if p not in of_load}
     if not of_robot:
         of_robot = {"segments.0.length": np.full(count, robot.segments[0].length)}
-    return Rods(Designs(robot, of_robot), RodModel(), load.replace(**vectors))
+    varied = dead_loads(robot, load, of_load, count)
+    return Rods(Designs(robot, of_robot), model, load.replace(**varied))
 
 
 def _known_errors(nominal: Designs, ramps: Ramps, name: str) -> Floats:
     """Errors (D, L) of the nominal robot's arcs against the rods, m over the nominal length."""
-    rows, loads, tendons = ramps.tensions.shape
-    one = Ramps(
-        ramps.ramp.reshape(1, -1),
-        ramps.tensions.reshape(1, -1, tendons),
-        ramps.converged.reshape(1, -1),
-        ramps.tip.reshape(1, -1, 3),
-        ramps.tendon_lengths.reshape(1, -1, tendons),
-        ramps.tip_error.reshape(1, -1),
-        ramps.gave_up.reshape(1, -1),
-    )
-    apart = np.linalg.norm(arc_tips(nominal, name, one) - one.tip, axis=-1)
-    return np.asarray(apart.reshape(rows, loads) / nominal.length[0])
+    apart = np.linalg.norm(arc_tips(nominal, name, ramps) - ramps.tip, axis=-1)
+    return np.asarray(apart / nominal.length[0])
 
 
 def _limit(nominal: Designs, ramps: Ramps, name: str, tolerance: float) -> tuple[Floats, Bools]:

@@ -286,15 +286,12 @@ def workspace_map(
         without_it = {}
         for i, effect in enumerate(effects, 1):
             report("poses", i)
-            rest = tip_errors(one, _poses(without(rods, effect), tensions[at]), models)
-            without_it[effect] = {name: value[0] for name, value in rest.items()}
+            rest = _poses(without(rods, effect), tensions[at])
+            without_it[effect] = tip_errors(one, rest, models)
         for name, value in here.items():
             error[name][at] = value[0, solved]
-            rest_of = {effect: found[name] for effect, found in without_it.items()}
-            least = robot.length
-            cause[name][at] = main_cause(
-                error[name][at] / least, {k: v / least for k, v in rest_of.items()}
-            )
+            shares = {k: found[name][0] / robot.length for k, found in without_it.items()}
+            cause[name][at] = main_cause(error[name][at] / robot.length, shares)
         # paths from the largest tension of each tendon alone
         for i, start in enumerate(drawn_tensions(robot, most, np.eye(tendons))):
             report("second equilibria", len(effects) + 1 + i)

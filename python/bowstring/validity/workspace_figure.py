@@ -57,7 +57,7 @@ def draw_workspace(found: WorkspaceMap) -> Figure:
         for panel in (errors, causes):
             panel.set_ylabel("y of the tip (mm)" if surface else "z of the tip (mm)")
             panel.set_aspect("equal", adjustable="box")
-            keep_open(panel, _places(found))
+            keep_open(panel, places(found.robot, found.tip))
     far = "distance of the tip from the base's axis (mm)"
     panels[-1].set_xlabel("x of the tip (mm)" if surface else far)
     handles = _handles(found, present)
@@ -72,10 +72,6 @@ def draw_workspace(found: WorkspaceMap) -> Figure:
     title = f"{found.robot.name}: workspace to {found.largest_tensions} (simulated){more}"
     figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
     return figure
-
-
-def _places(found: WorkspaceMap) -> tuple[Floats, Floats]:
-    return places(found.robot, found.tip)
 
 
 def places(robot: Robot, tip: Floats) -> tuple[Floats, Floats]:
@@ -114,7 +110,7 @@ def keep_open(panel: Axes, places: tuple[Floats, Floats]) -> None:
 def _errors(figure: Figure, panel: Axes, found: WorkspaceMap, name: str) -> None:
     from matplotlib.patheffects import withStroke
 
-    along, up = _places(found)
+    along, up = places(found.robot, found.tip)
     share = found.error[name] / found.robot.length
     cells = draw_cells(panel, (along, up), share, found.tolerance)
     if cells is not None:
@@ -179,12 +175,12 @@ def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
     if found.solved.any() and (error[found.solved] <= found.tolerance * found.robot.length).all():
         words = f"holds to {in_percent(found.tolerance)} at all poses"
         panel.text(0.5, 0.5, words, transform=panel.transAxes, ha="center", va="center")
-        along, up = (v[found.solved] for v in _places(found))
+        along, up = (v[found.solved] for v in places(found.robot, found.tip))
         panel.plot(along, up, ls="none")  # the same range as the panel of the errors
         _room_of_a_bar(panel, panel.scatter([], [], c=[]))
         panel.grid(False)
         return {_HOLDS}
-    along, up = _places(found)
+    along, up = places(found.robot, found.tip)
     outside = ~(error <= found.tolerance * found.robot.length)
     keys = np.where(outside, found.cause[name], _HOLDS)
     keys = np.where(found.undefined(name), _NO_ARC, keys)
