@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 
 import bowstring as bs
 from bowstring.data import synthetic
-from bowstring.data.measurements import Measurements
+from bowstring.data.measurements import Measurements, read_measurements
 from bowstring.errors import InputError
 
 _MODEL = ("theory", "tendon_path", "twist", "elements")
@@ -106,6 +107,34 @@ def refused(says: str, call: Callable[[], object]) -> None:
         call()
     text = str(error.value)
     assert (says in text or re.search(says, text)) and "\n" not in text and len(text) < 300, text
+
+
+def drafted(path: Path, robot: bs.Robot | None = None) -> str:
+    """The mapping that is drafted for a table."""
+    with pytest.raises(InputError, match="save these lines as map") as error:
+        read_measurements(path, robot)
+    return str(error.value).partition("\n\n")[2]
+
+
+def all_sides(count: int = 20) -> Any:
+    """Tensions that bend a robot of three tendons in all directions, (count, 3), N."""
+    rng = np.random.default_rng(1)
+    tensions = rng.uniform(0, 40, (count, 3))
+    tensions[np.arange(count), rng.integers(0, 3, count)] = 0.0
+    return tensions
+
+
+def workbook(path: Path, rows: Iterable[Iterable[Any]], **others: Iterable[Iterable[Any]]) -> Path:
+    """Write an Excel workbook of rows, and of further sheets by their titles."""
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    sheets = [book.worksheets[0], *map(book.create_sheet, others)]
+    for sheet, cells in zip(sheets, (rows, *others.values()), strict=True):
+        for row in cells:
+            sheet.append(list(row))
+    book.save(path)
+    return path
 
 
 #: Stiffness of the sections of `coupled_robot` without couplings, in N m^2 and N.

@@ -29,11 +29,6 @@ Floats = NDArray[np.float64]
 BASE = np.array([0.01, -0.02, 0.005])
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return bs.load_robot("rao2021")
-
-
 def path(robot: Robot, rows: int, phase: float) -> Floats:
     """Displacements of a smooth path of two segments, m."""
     t = np.linspace(0.0, 12.0 * np.pi, rows)
@@ -55,35 +50,35 @@ def measured(robot: Robot, commands: Floats) -> Floats:
 
 
 @pytest.fixture(scope="module")
-def residual(robot: Robot) -> Residual:
-    commands = path(robot, 200, 0.0)
-    data = Data(points=measured(robot, commands), displacements=commands)
-    return fit_residual(fit(robot, data, ["base", "gain"]), data)
+def residual(rao: Robot) -> Residual:
+    commands = path(rao, 200, 0.0)
+    data = Data(points=measured(rao, commands), displacements=commands)
+    return fit_residual(fit(rao, data, ["base", "gain"]), data)
 
 
-def test_commands_bring_the_corrected_point_to_a_path(robot: Robot, residual: Residual) -> None:
-    wanted = residual.correct(bs.Load(displacements=path(robot, 60, 0.4))).point
+def test_commands_bring_the_corrected_point_to_a_path(rao: Robot, residual: Residual) -> None:
+    wanted = residual.correct(bs.Load(displacements=path(rao, 60, 0.4))).point
     found = inverse_with_residual(residual, wanted)
     assert found.reached.all() and not found.beyond.any()
-    assert found.distance.max() <= 1e-5 * robot.length
+    assert found.distance.max() <= 1e-5 * rao.length
     # the model and its residual confirm it, as a path of rows
     again = residual.correct(found.load)
-    assert again.point == pytest.approx(wanted, abs=1e-5 * robot.length)
+    assert again.point == pytest.approx(wanted, abs=1e-5 * rao.length)
     # the model alone would land off the path by what the residual knows
     off = np.linalg.norm(again.model_point - wanted, axis=1)
     assert np.median(off) > 100 * found.distance.max()
 
 
-def test_a_calibrated_backlash_is_crossed(robot: Robot) -> None:
-    commands = path(robot, 200, 0.0)
-    loose = robot.with_({"segments.*.tendons.*.backlash": 1e-4})
+def test_a_calibrated_backlash_is_crossed(rao: Robot) -> None:
+    commands = path(rao, 200, 0.0)
+    loose = rao.with_({"segments.*.tendons.*.backlash": 1e-4})
     tips = bs.sweep(loose, load=bs.Load(displacements=commands)).tip_position
     data = Data(points=tips, displacements=commands)
-    found = fit(robot, data, ["backlash"], start={"backlash": 5e-5})
+    found = fit(rao, data, ["backlash"], start={"backlash": 5e-5})
     learnt = fit_residual(found, data)
     got = inverse_with_residual(learnt, tips[20:60])
     assert got.reached.mean() > 0.9
-    assert np.median(got.distance) <= 1e-5 * robot.length
+    assert np.median(got.distance) <= 1e-5 * rao.length
 
 
 def test_the_zeros_of_load_cells_are_in_the_commands() -> None:
@@ -103,11 +98,11 @@ def test_the_zeros_of_load_cells_are_in_the_commands() -> None:
     assert got.commands.min() == pytest.approx(-found.values["offset"], abs=1e-6)
 
 
-def test_points_out_of_reach_and_beyond_the_data_say_so(robot: Robot, residual: Residual) -> None:
-    far = inverse_with_residual(residual, BASE + np.array([0.0, 0.0, 2.0 * robot.length]))
+def test_points_out_of_reach_and_beyond_the_data_say_so(rao: Robot, residual: Residual) -> None:
+    far = inverse_with_residual(residual, BASE + np.array([0.0, 0.0, 2.0 * rao.length]))
     assert far.status == ("unreachable",)
-    assert far.distance[0] == pytest.approx(robot.length, rel=0.1)
-    bent = bs.solve(robot, load=bs.Load(displacements=np.tile([6e-3, -3e-3, -3e-3], 2)))
+    assert far.distance[0] == pytest.approx(rao.length, rel=0.1)
+    bent = bs.solve(rao, load=bs.Load(displacements=np.tile([6e-3, -3e-3, -3e-3], 2)))
     tip = bent.raise_for_status().tip
     assert tip is not None
     x, y, z = tip.position
@@ -121,11 +116,11 @@ def test_bad_input_is_refused(residual: Residual) -> None:
             inverse_with_residual(residual, wrong)  # type: ignore[arg-type]
 
 
-def test_the_command_line(robot: Robot, residual: Residual, shell: Shell, tmp_path: Path) -> None:
+def test_the_command_line(rao: Robot, residual: Residual, shell: Shell, tmp_path: Path) -> None:
     file, calibrated = tmp_path / "residual.json", tmp_path / "robot.yaml"
     file.write_text(json.dumps(residual_to_dict(residual)))
     calibrated.write_text(to_yaml(residual.robot))
-    wanted = residual.correct(bs.Load(displacements=path(robot, 20, 0.4))).point
+    wanted = residual.correct(bs.Load(displacements=path(rao, 20, 0.4))).point
     call = ("ik", str(calibrated), "--residual", str(file))
 
     tip = ",".join(f"{x:.9g}" for x in wanted[0])
@@ -134,7 +129,7 @@ def test_the_command_line(robot: Robot, residual: Residual, shell: Shell, tmp_pa
     assert row["status"] == "reached" and not row["beyond_data"] and found["file"] is None
     assert row["tensions_N"] == [None] * 6
     again = residual.correct(bs.Load(displacements=[row["displacements_m"]])).point
-    assert again[0] == pytest.approx(wanted[0], abs=1e-5 * robot.length)
+    assert again[0] == pytest.approx(wanted[0], abs=1e-5 * rao.length)
     assert "1 of 1 reached" in shell(*call, "--tip", tip)[1]
 
     table, out = tmp_path / "tips.csv", tmp_path / "commands.csv"
@@ -147,7 +142,7 @@ def test_the_command_line(robot: Robot, residual: Residual, shell: Shell, tmp_pa
         written = list(csv.DictReader(stream))
     commands = [[float(row[f"displacement_{i}_mm"]) for i in range(1, 7)] for row in written]
     again = residual.correct(bs.Load(displacements=1e-3 * np.array(commands))).point
-    assert again == pytest.approx(wanted, abs=2e-5 * robot.length)
+    assert again == pytest.approx(wanted, abs=2e-5 * rao.length)
 
     for flags, said in (
         (("--model", "cc"), "--model: not with --residual, which has the model of its fit"),

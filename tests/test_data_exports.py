@@ -6,6 +6,7 @@ edits, or the draft says what it could not decide.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,6 +21,7 @@ import bowstring as bs
 from bowstring.aliases import Floats
 from bowstring.data.measurements import read_measurements
 from bowstring.errors import InputError
+from objects import drafted, refused
 
 ROWS = 24
 STEP = 0.02  # s, unless an export says otherwise
@@ -395,27 +397,24 @@ def test_a_matlab_file_is_read_by_its_draft(
     path = save(
         tmp_path / "run.mat", {"log": log, "tip": 1e3 * motion.tip, "rig": "B", "gain": 2.0}
     )
-    (tmp_path / "map.yaml").write_text(_drafted(path, robot))
+    (tmp_path / "map.yaml").write_text(drafted(path, robot))
     found = read_measurements(path, robot, tmp_path / "map.yaml")
     np.testing.assert_allclose(found.tip, motion.tip, atol=1e-12)
     np.testing.assert_allclose(found.displacements, motion.displacements, atol=1e-12)
     assert found.time is not None and found.line.tolist() == list(range(1, ROWS + 1))
     says = "this MATLAB file cannot be read"
     path.write_bytes(path.read_bytes()[: 600 if save is _saved_7_3 else 300])
-    with pytest.raises(InputError, match=says):
-        read_measurements(path)
+    refused(says, lambda: read_measurements(path))
     save(path, {"rig": "B", "gain": 2.0})
     says = "tables and timetables of MATLAB are saved by writetable"
-    with pytest.raises(InputError, match=says if save is _saved_7_3 else "no variable has rows"):
-        read_measurements(path)
+    refused(says if save is _saved_7_3 else "no variable has rows", lambda: read_measurements(path))
 
 
 def test_version_7_3_needs_an_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(600))
     monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(InputError, match=r"need h5py.*'bowstring\[matlab\]'; or save the file"):
-        read_measurements(path)
+    refused(r"need h5py.*'bowstring\[matlab\]'; or save the file", lambda: read_measurements(path))
 
 
 def test_variables_of_different_lengths_are_two_tables(motion: Motion, tmp_path: Path) -> None:
@@ -447,8 +446,7 @@ join: {file: run.mat, table: {block: force}, time: {column: clock, unit: s}}
     with pytest.raises(InputError, match='no variable "tips"; the file has "t", "tip"'):
         read_measurements(path, mapping=mapping)
     mapping.write_text(fields + "table: {skip: 2}\n")
-    with pytest.raises(InputError, match="a MATLAB file has block alone"):
-        read_measurements(path, mapping=mapping)
+    refused("a MATLAB file has block alone", lambda: read_measurements(path, mapping=mapping))
 
 
 def test_large_matlab_files_are_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -466,12 +464,6 @@ EXPORTS = [
 ]
 
 
-def _drafted(path: Path, robot: bs.Robot) -> str:
-    with pytest.raises(InputError) as error:
-        read_measurements(path, robot)
-    return str(error.value).partition("\n\n")[2]
-
-
 @pytest.mark.parametrize("export", EXPORTS, ids=lambda export: export.__name__)
 def test_an_export_is_read_by_its_draft(
     export: Callable[[Motion], Export], motion: Motion, robot: bs.Robot, tmp_path: Path
@@ -480,7 +472,7 @@ def test_an_export_is_read_by_its_draft(
     path = tmp_path / "export.csv"
     for name, text in {"export.csv": file.text, **file.others}.items():
         (tmp_path / name).write_text(text, "utf-8")
-    text = _drafted(path, robot)
+    text = drafted(path, robot)
     said = [line[len("# not decided: ") :] for line in text.splitlines() if "# not decided" in line]
     for beginning in file.undecided:
         assert any(line.startswith(beginning) for line in said), text
@@ -520,13 +512,11 @@ def test_tendons_are_drafted_in_the_order_of_their_numbers(
     rows = [(*f[list(order)], *(1e3 * p)) for p, f in zip(motion.tip, motion.tensions, strict=True)]
     file = tmp_path / "log.csv"
     file.write_text(_table(header, rows))
-    with pytest.raises(InputError, match=says):
-        read_measurements(file)
+    assert re.search(says, drafted(file))
 
 
 def test_a_line_of_rates_without_its_values_is_no_error_of_the_draft(tmp_path: Path) -> None:
     file = tmp_path / "log.trc"
     rows = "".join(f"{i}\t{2 * i}\t{3 * i}\n" for i in range(9))
     file.write_text(f"PathFileType\t4\tDataRate\nlog\na\tb\tc\n{rows}")
-    with pytest.raises(InputError, match="say what the columns are in a mapping file"):
-        read_measurements(file)
+    drafted(file)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import openpyxl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,12 +15,12 @@ from scipy.spatial.transform import Rotation
 
 import bowstring as bs
 from bowstring.data.clock import AmbiguousDateError, seconds_of
-from bowstring.data.mapping import Mapping, load_mapping
+from bowstring.data.mapping import load_mapping
 from bowstring.data.mapping_draft import draft
 from bowstring.data.measurements import Measurements, read_measurements, write_measurements
 from bowstring.data.tables import Table
 from bowstring.errors import InputError
-from objects import measured
+from objects import drafted, measured, refused, workbook
 from shell import Shell
 
 Read = Callable[..., Measurements]
@@ -54,9 +53,8 @@ def _mapping(columns: str, tip: str = TIP, quantity: str = "tension", unit: str 
 
 
 @pytest.mark.parametrize("nothing", ["0", "null", "~", "0.0"])
-def test_constants_in_place_of_columns(nothing: str, read: Read) -> None:
-    robot = bs.load_robot("rao2021")
-    found = read(_mapping(f"[{nothing}, {nothing}, 1.5, F, 0, {nothing}]"), TABLE, robot)
+def test_constants_in_place_of_columns(rao: bs.Robot, nothing: str, read: Read) -> None:
+    found = read(_mapping(f"[{nothing}, {nothing}, 1.5, F, 0, {nothing}]"), TABLE, rao)
     assert found.tensions.tolist() == [[0, 0, 1.5, 0, 0, 0], [0, 0, 1.5, 5, 0, 0]]
 
 
@@ -175,51 +173,35 @@ def test_tables_without_a_header(table: str, form: str, read: Read) -> None:
     np.testing.assert_allclose(found.tip[1], [0.003, 0.004, 0.6])
 
 
-def _book(folder: Path, *rows: Sequence[object]) -> None:
-    book = openpyxl.Workbook()
-    assert book.active is not None
-    for row in rows:
-        book.active.append(row)
-    book.save(folder / "a.xlsx")
-
-
 def test_a_sheet_with_lines_to_skip(tmp_path: Path) -> None:
-    _book(tmp_path, ["Rig 7"], ["F", "x", "y", "z"], ["N", "mm", "mm", "mm"], [5, 3, 4, 600])
-    mapping = Mapping.model_validate(
-        {
-            "source": "measured",
-            "table": {"skip": 1, "skip_below": 1},
-            "tendons": {"quantity": "tension", "unit": "N", "columns": ["F", 0, None]},
-            "tip": {"columns": ["x", "y", "z"], "unit": "mm"},
-        }
-    )
-    found = read_measurements(tmp_path / "a.xlsx", mapping=mapping)
+    rows = [["Rig 7"], ["F", "x", "y", "z"], ["N", "mm", "mm", "mm"], [5, 3, 4, 600]]
+    mapping = tmp_path / "map.yaml"
+    mapping.write_text(_mapping("[F, 0, null]") + "table: {skip: 1, skip_below: 1}\n")
+    found = read_measurements(workbook(tmp_path / "a.xlsx", rows), mapping=mapping)
     assert found.tensions.tolist() == [[5, 0, 0]] and found.line.tolist() == [4]
 
 
 def test_a_sheet_with_a_header_of_two_rows_gets_a_draft(tmp_path: Path) -> None:
     start, step = datetime.datetime(2024, 2, 29, 13), datetime.timedelta(seconds=0.25)
-    _book(
-        tmp_path,
+    rows = [
         ["Rig 7", "sampling rate", 4],
         ["Time", "Force", None, "Tip"],
         [None, "F1", "F2", "X", "Y", "Z"],
         ["-", "N", "N", "mm", "mm", "mm"],
         *([start + i * step, i, 0, 9 * i, 0.5, 600 - i] for i in range(7)),
         ["mean", 3, 0, 27, 0.5, 597],
-    )
-    with pytest.raises(InputError) as error:
-        read_measurements(tmp_path / "a.xlsx", bs.load_robot("amouri2019"))
-    text = str(error.value).partition("\n\n")[2]
+    ]
+    path, mapping = workbook(tmp_path / "a.xlsx", rows), tmp_path / "map.yaml"
+    text = drafted(path, bs.load_robot("amouri2019"))
     assert "table: {skip: 1, skip_below: 1, header_rows: 2}" in text
-    (tmp_path / "map.yaml").write_text(text.replace("rows: 2}", "rows: 2, last: 11}"))
-    found = read_measurements(tmp_path / "a.xlsx", mapping=tmp_path / "map.yaml")
+    mapping.write_text(text.replace("rows: 2}", "rows: 2, last: 11}"))
+    found = read_measurements(path, mapping=mapping)
     assert found.tensions[:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6] and not found.left_out
     np.testing.assert_allclose(found.tip[3], [0.027, 0.0005, 0.597])
     assert found.time is not None and np.diff(found.time).tolist() == [0.25] * 6
-    (tmp_path / "map.yaml").write_text(text.replace("rows: 2}", "rows: 2, block: b}"))
-    with pytest.raises(InputError, match="block is for text files; give skip and last"):
-        read_measurements(tmp_path / "a.xlsx", mapping=tmp_path / "map.yaml")
+    mapping.write_text(text.replace("rows: 2}", "rows: 2, block: b}"))
+    says = "block is for text files; give skip and last"
+    refused(says, lambda: read_measurements(path, mapping=mapping))
 
 
 @pytest.mark.parametrize(
@@ -235,9 +217,7 @@ def test_a_sheet_with_a_header_of_two_rows_gets_a_draft(tmp_path: Path) -> None:
     ],
 )
 def test_errors_in_a_form(form: str, says: str, read: Read) -> None:
-    with pytest.raises(InputError) as error:
-        read(_mapping("[F]") + f"table: {form}\n", TABLE)
-    assert says in str(error.value)
+    refused(says, lambda: read(_mapping("[F]") + f"table: {form}\n", TABLE))
 
 
 TRIAL = (
@@ -295,15 +275,13 @@ def test_quaternions_in_either_order(angles: str, read: Read) -> None:
     ],
 )
 def test_errors_in_angles(angles: str, says: str, read: Read) -> None:
-    with pytest.raises(InputError, match=says):
-        read(_mapping("[F]", f"angles: {{{angles}}}\n"), IMU)
+    refused(says, lambda: read(_mapping("[F]", f"angles: {{{angles}}}\n"), IMU))
 
 
 def test_a_draft_knows_a_quaternion(tmp_path: Path) -> None:
     table = tmp_path / "imu.csv"
     table.write_text(IMU)
-    with pytest.raises(InputError, match=r'quaternion: \["ow", "ox", "oy", "oz"\]'):
-        read_measurements(table)
+    assert 'quaternion: ["ow", "ox", "oy", "oz"]' in drafted(table)
 
 
 # -- two tables, joined by time --------------------------------------------------------------------
@@ -378,9 +356,7 @@ def test_a_log_beside_decimal_commas_and_a_name_that_both_have(read: Read) -> No
     ],
 )
 def test_errors_in_a_join(old: str, new: str, says: str, read: Read) -> None:
-    with pytest.raises(InputError) as error:
-        read(_joined().replace(old, new), CAMERA, forces=FORCES)
-    assert says in str(error.value).partition("\n")[0]
+    refused(says, lambda: read(_joined().replace(old, new), CAMERA, forces=FORCES))
 
 
 def test_a_log_out_of_order(read: Read) -> None:
@@ -519,8 +495,7 @@ def test_a_marker_with_another_name_after_a_gap(read: Read) -> None:
     assert (5, "one row has values in aX and in a column that is read instead; aX is read") in (
         both.issues
     )
-    with pytest.raises(InputError, match='no column "cX"'):
-        read(_mapping("[F]", tip.replace("bX", "cX")), table)
+    refused('no column "cX"', lambda: read(_mapping("[F]", tip.replace("bX", "cX")), table))
     with pytest.raises(InputError, match="must be a column, a number or null"):
         read(_mapping("[[F, aX]]", tip), table)
 
@@ -592,8 +567,7 @@ def test_a_body_that_changes_its_name(read: Read) -> None:
     mapping = "source: measured\ntip: {name: [tip, 'tip:Marker1']}\n"
     found = read(mapping, text)
     np.testing.assert_allclose(found.tip[[0, 3]], [[0.1, 0.64, 0], [0.3, 0.61, 0.1]])
-    with pytest.raises(InputError, match='no rigid body or marker "tipp"'):
-        read(mapping.replace("[tip", "[tipp"), text)
+    refused('no rigid body or marker "tipp"', lambda: read(mapping.replace("[tip", "[tipp"), text))
 
 
 def test_a_motive_export_with_a_force_log(read: Read) -> None:
@@ -624,9 +598,8 @@ def test_a_motive_export_with_a_force_log(read: Read) -> None:
     ],
 )
 def test_errors_in_an_export(mapping: str, old: str, new: str, says: str, read: Read) -> None:
-    with pytest.raises(InputError) as error:
-        read("source: measured\n" + mapping, MOTIVE.replace(old, new) if old else MOTIVE)
-    assert says in str(error.value)
+    text = MOTIVE.replace(old, new) if old else MOTIVE
+    refused(says, lambda: read("source: measured\n" + mapping, text))
 
 
 # -- a mapping to start from -----------------------------------------------------------------------
@@ -676,9 +649,7 @@ def test_an_unknown_table_gets_a_mapping_to_start_from(
 )  # fmt: skip
 def test_a_draft_says_what_it_cannot_decide(table: str, says: list[str], tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(table)
-    with pytest.raises(InputError) as error:
-        read_measurements(tmp_path / "a.csv", bs.load_robot("amouri2019"))
-    lines = str(error.value).splitlines()
+    lines = drafted(tmp_path / "a.csv", bs.load_robot("amouri2019")).splitlines()
     said = [line.removeprefix("# not decided: ") for line in lines if "# not decided" in line]
     assert [text[: len(begin)] for text, begin in zip(said, says, strict=True)] == says
 
@@ -690,10 +661,8 @@ def test_columns_of_a_quaternion_are_no_tip(tmp_path: Path) -> None:
     text = "F [N],x,y,z,w,px,py,pz\n"
     text += "".join(f"{i}," + ",".join(map(str, row)) + "\n" for i, row in enumerate(rows))
     (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(InputError) as error:
-        read_measurements(tmp_path / "a.csv", bs.load_robot("amouri2019"))
-    assert 'tip: {columns: ["px", "py", "pz"], unit: m}' in str(error.value)
-    assert "other columns" not in str(error.value)
+    text = drafted(tmp_path / "a.csv", bs.load_robot("amouri2019"))
+    assert 'tip: {columns: ["px", "py", "pz"], unit: m}' in text and "other columns" not in text
 
 
 def test_a_motive_export_without_a_mapping_gets_one(shell: Shell, tmp_path: Path) -> None:
@@ -740,9 +709,7 @@ def test_drafts_for_public_tables(
 ) -> None:
     folder = public_data(name)
     path = next(iter(sorted(folder.glob("*.csv"))))
-    with pytest.raises(InputError) as error:
-        read_measurements(path)
-    (tmp_path / "map.yaml").write_text(str(error.value).partition("\n\n")[2])
+    (tmp_path / "map.yaml").write_text(drafted(path))
     mapping = load_mapping(tmp_path / "map.yaml")
     assert mapping.tendons is not None and mapping.tendons.quantity == "displacement"
     assert [c.column for c in mapping.tendons.columns][: len(columns)] == columns
@@ -803,23 +770,18 @@ def test_recordings_are_counted(shell: Shell, tmp_path: Path) -> None:
     ("header", "comment"),
     [("recording", ""), ("group", "# recording: group\n")],
 )
-def test_recordings_in_a_table(header: str, comment: str, tmp_path: Path) -> None:
+def test_recordings_in_a_table(header: str, comment: str, tmp_path: Path, read: Read) -> None:
     table = comment + f"tension_1_N,tip_x_mm,tip_y_mm,tip_z_mm,time_s,{header}\n"
     table += "".join(f"{f},{f},0,640,{f},{name}\n" for name in "ab" for f in (0, 1, 2))
     (tmp_path / "a.csv").write_text(table)
     found = read_measurements(tmp_path / "a.csv")
     assert found.recording is not None and found.recording.tolist() == [1, 1, 1, 2, 2, 2]
     assert list(found.split()) == ["a", "b"] and not found.issues  # time may start again
-    mapping = Mapping.model_validate(
-        {
-            "source": "measured",
-            "tendons": {"quantity": "tension", "unit": "N", "columns": ["tension_1_N"]},
-            "tip": {"columns": ["tip_x_mm", "tip_y_mm", "tip_z_mm"], "unit": "mm"},
-            "group": header,
-            "recording": header,
-        }
+    mapping = _mapping(
+        "[tension_1_N]", "tip: {columns: [tip_x_mm, tip_y_mm, tip_z_mm], unit: mm}\n"
     )
-    assert read_measurements(tmp_path / "a.csv", mapping=mapping).recording is not None
+    mapping += f"group: {header}\nrecording: {header}\n"
+    assert read(mapping, table).recording is not None
 
 
 def test_a_comment_without_a_column(tmp_path: Path) -> None:

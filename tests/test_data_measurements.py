@@ -9,6 +9,7 @@ import sys
 import time
 import zipfile
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from bowstring.data.measurements import (
     write_measurements,
 )
 from bowstring.errors import InputError
+from objects import refused, workbook
 from shell import Shell
 
 ROOT = Path(__file__).parents[1]
@@ -52,20 +54,7 @@ def file(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def sheet(tmp_path: Path) -> Callable[..., Path]:
-    def write(rows: Sequence[Sequence[object]], **others: Sequence[Sequence[object]]) -> Path:
-        book = openpyxl.Workbook()
-        assert book.active is not None
-        for row in rows:
-            book.active.append(list(row))
-        for title, cells in others.items():
-            other = book.create_sheet(title)
-            for row in cells:
-                other.append(list(row))
-        path = tmp_path / "bench.xlsx"
-        book.save(path)
-        return path
-
-    return write
+    return partial(workbook, tmp_path / "bench.xlsx")
 
 
 Write = Callable[..., Path]
@@ -133,6 +122,7 @@ def test_any_unit(file: Write) -> None:
         (GOOD.replace(",", "\t").replace(".", ","), "utf-8"),
         ("# source: measured,,,,,\n\n" + GOOD + ",,,,,\n", "utf-8"),
         (GOOD.replace("\n", ",,\n"), "utf-8"),
+        ("# stations: 0.5\n" + GOOD, "utf-8"),
     ],
 )
 def test_other_notations_of_a_table(text: str, encoding: str, file: Write) -> None:
@@ -182,11 +172,8 @@ def test_the_data_label_is_kept(label: str, file: Write) -> None:
     found = read_measurements(file("\n".join(lines)))
     assert found.source == label and found.select([0]).source == label
     # the file takes precedence over the mapping
-    mapping = Mapping.model_validate(
-        {"source": "measured", "tip": {"columns": ["tip_x_mm", "tip_y_mm", "tip_z_mm"],
-                                       "unit": "mm"}}
-    )  # fmt: skip
-    assert read_measurements(file(f"# source: {label}\n{GOOD}"), mapping=mapping).source == label
+    mapping = "source: measured\ntip: {columns: [tip_x_mm, tip_y_mm, tip_z_mm], unit: mm}\n"
+    assert _mapped(file, mapping, f"# source: {label}\n{GOOD}").source == label
 
 
 def test_labels_of_foreign_tables(file: Write) -> None:
@@ -267,7 +254,6 @@ def test_select_and_split() -> None:
         (GOOD.replace("mass_2", "mass_01"), "mass_1_kg and mass_01_kg both command tendon 1"),
         (GOOD.replace("mass_2", "mass_1"), 'the column "mass_1_kg" is there twice'),
         (GOOD.replace("mass_1", "mass_0"), "tendons are numbered from 1"),
-        ("# stations: 0.5\n" + GOOD, ""),
         ("# stations: 0.2 0.5 1\n" + GOOD, "has 3 numbers; there are 1 points"),
         ("# stations: much\n" + GOOD, "write a share of the length for each point"),
         ("# sigma: 3 N\n" + GOOD, "the comment '# sigma:' got"),
@@ -292,9 +278,6 @@ def test_select_and_split() -> None:
 )
 def test_errors_in_a_table(text: str, says: str, file: Write) -> None:
     path = file(text)
-    if not says:
-        read_measurements(path)
-        return
     with pytest.raises(InputError) as error:
         read_measurements(path)
     sentence, _, mapping = str(error.value).partition("\n\n")
@@ -306,13 +289,10 @@ def test_too_few_and_too_many_tendons(file: Write) -> None:
     path = file(GOOD)
     with pytest.raises(InputError, match="has 3 tendons, rao2021 has 6; give every tendon"):
         read_measurements(path, bs.load_robot("rao2021"))
+    names = ",".join(f"displacement_{k}_mm" for k in (1, 2, 3, 4))
+    path = file(f"{names},bend_deg,direction_deg\n1,1,1,1,1,1\n")
     with pytest.raises(InputError, match="has 4 tendons, amouri2019 has 3; leave out those"):
-        read_measurements(
-            file(
-                "displacement_1_mm,displacement_2_mm,displacement_3_mm,displacement_4_mm,bend_deg,direction_deg\n1,1,1,1,1,1\n"
-            ),
-            bs.load_robot("amouri2019"),
-        )
+        read_measurements(path, bs.load_robot("amouri2019"))
 
 
 def test_bad_rows_are_listed_and_nothing_else_is_lost(file: Write) -> None:
@@ -417,8 +397,7 @@ def test_doubts_are_reported(
     assert found.line.tolist() == lines and found.issues == (issue,)
 
 
-def test_unreachable_tips_are_reported(file: Write) -> None:
-    robot = bs.load_robot("amouri2019")
+def test_unreachable_tips_are_reported(robot: bs.Robot, file: Write) -> None:
     with (ROOT / "examples" / "bench.csv").open(encoding="utf-8") as table:
         text = "".join(line for line in table if not line.startswith("#"))
     assert read_measurements(file(text), robot).issues == ()
@@ -426,8 +405,7 @@ def test_unreachable_tips_are_reported(file: Write) -> None:
     for axis in "xyz":
         in_metres = in_metres.replace(f"tip_{axis}_mm", f"tip_{axis}_m")
     says = r"amouri2019 is 641 mm long; check the unit of the tip's columns"
-    with pytest.raises(InputError, match=says):
-        read_measurements(file(in_metres), robot)
+    refused(says, lambda: read_measurements(file(in_metres), robot))
     assert len(read_measurements(file(in_metres))) == 33  # of an unnamed robot
     lines = text.splitlines()
     for k in (12, 20, 28):  # too many for spikes
@@ -472,12 +450,9 @@ def test_very_many_bad_rows_are_summed_up(file: Write) -> None:
 )  # fmt: skip
 def test_files_that_are_not_tables(content: bytes, name: str, says: str, file: Write) -> None:
     path = file(content, name)
-    with pytest.raises(InputError, match=says):
-        read_measurements(path)
-    with pytest.raises(InputError, match="this is a folder; name the file"):
-        read_measurements(path.parent)
-    with pytest.raises(InputError, match="cannot be read: No such file"):
-        read_measurements(path.parent / "none.csv")
+    refused(says, lambda: read_measurements(path))
+    refused("this is a folder; name the file", lambda: read_measurements(path.parent))
+    refused("cannot be read: No such file", lambda: read_measurements(path.parent / "none.csv"))
 
 
 # -- large files and bombs -------------------------------------------------------------------------
@@ -507,8 +482,7 @@ def test_more_than_memory_holds(
     limit: str, value: int, says: str, file: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(f"bowstring.data.{limit}", value)
-    with pytest.raises(InputError, match=says):
-        read_measurements(file(GOOD))
+    refused(says, lambda: read_measurements(file(GOOD)))
 
 
 def _archive(path: Path, parts: dict[str, bytes]) -> Path:
@@ -524,17 +498,16 @@ def _parts(path: Path) -> dict[str, bytes]:
 
 
 def test_a_workbook_without_the_extra(
-    sheet: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, shell: Shell, tmp_path: Path
+    sheet: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, shell: Shell, here: Path
 ) -> None:
     book = sheet([["tension_1_N", "tip_x_mm", "tip_y_mm", "tip_z_mm"], [1, 2, 3, 4]])
     monkeypatch.setitem(sys.modules, "openpyxl", None)
-    monkeypatch.chdir(tmp_path)
     for command in (["study", "--measurements"], ["bench", "check"]):
         assert shell.error(*command, str(book)).removeprefix("--measurements: ") == (
             "Excel tables need openpyxl, which cannot be loaded; install it: "
             "pip install 'bowstring[excel]'"
         )
-    assert list(tmp_path.iterdir()) == [book]
+    assert list(here.iterdir()) == [book]
 
 
 SHEET, BOOK = "xl/worksheets/sheet1.xml", {"xl/workbook.xml": b"<x/>"}
@@ -569,8 +542,7 @@ def test_a_zip_bomb_is_not_opened(
     if "row of" not in says:
         monkeypatch.setattr(openpyxl, "load_workbook", pytest.fail)
     started = time.process_time()
-    with pytest.raises(InputError, match=says):
-        read_measurements(bomb)
+    refused(says, lambda: read_measurements(bomb))
     assert time.process_time() - started < 5
 
 
@@ -631,9 +603,8 @@ def test_any_text_gives_data_or_a_sentence(text: str) -> None:
 # -- foreign tables --------------------------------------------------------------------------------
 
 
-def test_the_foreign_example_has_the_same_data() -> None:
+def test_the_foreign_example_has_the_same_data(robot: bs.Robot) -> None:
     tidy = read_measurements(ROOT / "examples" / "bench.csv")
-    robot = bs.load_robot("amouri2019")
     foreign = read_measurements(
         ROOT / "examples" / "foreign.csv", robot, ROOT / "examples" / "foreign.yaml"
     )
@@ -738,10 +709,8 @@ def test_repeats_are_whole_numbers(file: Write) -> None:
 def test_no_mapping(tmp_path: Path) -> None:
     names = ["crl-ftdcr-mocap", "soromox-tentacle", "tamm-spring", "ucl-planar-shape"]
     assert mapping_names() == names
-    with pytest.raises(InputError, match=r"neither a file nor .* did you mean tamm-spring\?"):
-        load_mapping("tamm-sprig")
-    with pytest.raises(InputError, match="is a folder"):
-        load_mapping(tmp_path)
+    refused(r"neither a file nor .* did you mean tamm-spring\?", lambda: load_mapping("tamm-sprig"))
+    refused("is a folder", lambda: load_mapping(tmp_path))
 
 
 def test_cells_that_every_row_would_pay_for_are_refused(file: Write) -> None:
@@ -1118,15 +1087,8 @@ def test_rows_left_out_for_other_reasons(file: Write) -> None:
 def test_rows_that_a_mapping_leaves_out_do_not_count(file: Write) -> None:
     lines = noisy(40, 1).splitlines()
     text = "\n".join(f"{line},{'ok' if k == 0 else k % 2}" for k, line in enumerate(lines)) + "\n"
-    about: dict[str, object] = {
-        "source": "synthetic",
-        "keep": {"column": "ok", "value": "1"},
-        "tendons": {
-            "quantity": "tension",
-            "unit": "N",
-            "columns": [f"tension_{k}_N" for k in (1, 2, 3)],
-        },
-        "tip": {"unit": "mm", "columns": ["tip_x_mm", "tip_y_mm", "tip_z_mm"]},
-    }
-    found = read_measurements(file(text), mapping=Mapping.model_validate(about))
+    tendons = "{quantity: tension, unit: N, columns: [tension_1_N, tension_2_N, tension_3_N]}"
+    mapping = f"source: synthetic\nkeep: {{column: ok, value: 1}}\ntendons: {tendons}\n"
+    mapping += "tip: {unit: mm, columns: [tip_x_mm, tip_y_mm, tip_z_mm]}\n"
+    found = _mapped(file, mapping, text)
     assert (found.left_out, found.filtered, found.below_zero) == (21, 20, 1) and not found.doubt

@@ -25,7 +25,7 @@ from bowstring.data.registration import (
 )
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
-from objects import refused
+from objects import all_sides, refused
 
 CORNERS = 0.1 * np.array([[0, 0, 0], [1, 0, 0.1], [0, 1, 0], [0.2, 0.3, 1]])  # fiducials, m
 
@@ -37,19 +37,7 @@ def any_frame(rng: np.random.Generator) -> Rigid:
 @pytest.fixture(scope="module")
 def tips(robot: bs.Robot) -> tuple[Floats, Floats]:
     """Tips bent in all directions: positions (20, 3), m, and rotations."""
-    rng = np.random.default_rng(1)
-    tensions = rng.uniform(0, 40, (20, 3))
-    tensions[np.arange(20), rng.integers(0, 3, 20)] = 0.0
-    sweep = bs.sweep(robot, tensions)
-    return sweep.tip_position, sweep.tip_rotation
-
-
-@pytest.fixture(scope="module")
-def plane_tips(robot: bs.Robot) -> tuple[Floats, Floats]:
-    """Tips with one direction of bending, all in the plane of x and z."""
-    tensions = np.zeros((17, 3))
-    tensions[:, 0] = np.linspace(0, 80, 17)
-    sweep = bs.sweep(robot, tensions)
+    sweep = bs.sweep(robot, all_sides())
     return sweep.tip_position, sweep.tip_rotation
 
 
@@ -276,10 +264,9 @@ def test_objectivity(tips: tuple[Floats, Floats]) -> None:
         np.testing.assert_allclose((two.frame @ other).rotation, one.frame.rotation, atol=1e-7)
 
 
-def test_planar_tips_leave_the_normal_offset_undetermined(
-    plane_tips: tuple[Floats, Floats],
-) -> None:
-    predicted, rotations = plane_tips
+def test_planar_tips_leave_the_normal_offset_undetermined(robot: bs.Robot) -> None:
+    sweep = bs.sweep(robot, np.outer(np.linspace(0, 80, 17), [1, 0, 0]))
+    predicted, rotations = sweep.tip_position, sweep.tip_rotation
     rng = np.random.default_rng(1)
     truth, offset = any_frame(rng), np.array([0.01, 0.02, 0.03])
     measured = truth.inverse().apply(predicted + rotations @ offset)
@@ -303,9 +290,7 @@ def test_planar_tips_leave_the_normal_offset_undetermined(
 
 
 def test_small_bends_hardly_separate_offset_and_frame(robot: bs.Robot) -> None:
-    tensions = np.zeros((17, 3))
-    tensions[:, 0] = np.linspace(0, 8, 17)
-    sweep = bs.sweep(robot, tensions)
+    sweep = bs.sweep(robot, np.outer(np.linspace(0, 8, 17), [1, 0, 0]))
     found = fit_model(sweep.tip_position, sweep.tip_position, sweep.tip_rotation, sigma=2e-5)
     assert any("shift" in w and "offset" in w and "standard error" in w for w in found.weak)
 

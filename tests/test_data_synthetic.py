@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import openpyxl
 import pytest
 from benchmarks import coverage
 
@@ -27,7 +26,7 @@ from bowstring.data.synthetic import STUDY, Bench, check_table, read_truth, set_
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
 from bowstring.statics import rod
-from objects import STUDY_BY_NAME, bench, refused
+from objects import STUDY_BY_NAME, all_sides, bench, refused, workbook
 from shell import Shell
 
 MASSES = np.linspace(0, 8, 17)
@@ -38,14 +37,6 @@ PLACE = Rigid.from_rotation_vector([0.3, -0.2, 1.0], [0.5, -0.1, 0.2])
 @pytest.fixture(scope="module")
 def study(robot: bs.Robot) -> Bench:
     return set_up(robot, **STUDY)
-
-
-def all_sides(count: int = 20) -> Floats:
-    """Tensions that bend the robot in all directions, (count, 3), N."""
-    rng = np.random.default_rng(1)
-    tensions = rng.uniform(0, 40, (count, 3))
-    tensions[np.arange(count), rng.integers(0, 3, count)] = 0.0
-    return tensions
 
 
 # -- without disturbances it equals the sweep ------------------------------------------------------
@@ -468,12 +459,8 @@ def test_the_label_survives_other_programs(study: Bench, tmp_path: Path) -> None
     bare = tmp_path / "bare.csv"
     bare.write_text("\n".join([rows[0], *rows[40:50]]) + "\n")
     assert read_measurements(bare).source == "synthetic"
-    book = openpyxl.Workbook()
-    assert book.active is not None
-    for row in rows:
-        book.active.append(row.split(","))
-    book.save(tmp_path / "bench.xlsx")
-    assert read_measurements(tmp_path / "bench.xlsx").source == "synthetic"
+    book = workbook(tmp_path / "bench.xlsx", (row.split(",") for row in rows))
+    assert read_measurements(book).source == "synthetic"
 
 
 def test_label_and_truth_of_a_part(study: Bench) -> None:
@@ -717,10 +704,9 @@ def test_command_without_a_solution(shell: Shell, here: Path) -> None:
 
 
 def test_measured_data_are_never_replaced(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bench.csv").write_text("mass_1_kg\n1\n")
+    (here / "bench.csv").write_text("mass_1_kg\n1\n")
     monkeypatch.setattr(synthetic, "set_up", pytest.fail)  # it is reported before any work
     assert "--out: cannot write the bench to" in shell.error(*COMMAND, "--masses", "1")
-    assert (tmp_path / "bench.csv").read_text() == "mass_1_kg\n1\n"
+    assert (here / "bench.csv").read_text() == "mass_1_kg\n1\n"

@@ -108,15 +108,14 @@ def test_the_sign_of_displacements() -> None:
     assert named.found == "mirrored" and named.tendons == (2, 3)
 
 
-def test_two_segments() -> None:
-    robot = bs.load_robot("rao2021")
+def test_two_segments(rao: Robot) -> None:
     tensions = RNG.uniform(0, 1.5, (60, 6)) * (RNG.random((60, 6)) < 0.5)
-    data = made(robot, tensions)
-    assert check_tendons(robot, data).found == "as_stated"
+    data = made(rao, tensions)
+    assert check_tendons(rao, data).found == "as_stated"
     for pair in [(1, 2), (1, 3), (2, 3), (4, 5), (4, 6), (5, 6)]:
-        found = check_tendons(robot, reordered(data, *pair))
+        found = check_tendons(rao, reordered(data, *pair))
         assert (found.found, found.tendons) == ("swapped", pair), found.sentence
-    assert check_tendons(robot, replace(data, points=data.points * [-1, 1, 1])).found == "mirrored"
+    assert check_tendons(rao, replace(data, points=data.points * [-1, 1, 1])).found == "mirrored"
 
 
 def swings(time: Floats) -> Floats:

@@ -123,9 +123,8 @@ def test_least_tensions_fulfil_the_conditions_of_optimality(name):
     assert bound > 100
 
 
-def test_unreachable_tips_are_the_nearest():
+def test_unreachable_tips_are_the_nearest(robot):
     """scipy's bounded least squares on forward solves comes no nearer."""
-    robot = bs.load_robot("amouri2019")
     rng = np.random.default_rng(5)
     for _ in range(12):
         way = rng.normal(size=3)
@@ -192,16 +191,14 @@ def test_unreachable_tips_take_the_least_tensions_within_the_margin(name):
         assert " mm, where the " in more or " mm; no limit binds" in more
 
 
-def test_margin_leaves_reached_tips_alone():
-    robot = bs.load_robot("amouri2019")
+def test_margin_leaves_reached_tips_alone(robot):
     tip = bs.solve(robot, [90.0, 60.0, 70.0]).tip.position
     found = bs.inverse_kinematics(robot, tip)
     np.testing.assert_allclose(found.tensions, [90.0, 60.0, 70.0], atol=0.1)
     assert found.status == "reached" and found.nearest_distance == found.distance
 
 
-def test_unreachable_path_is_followed_without_jumps():
-    robot = bs.load_robot("amouri2019")
+def test_unreachable_path_is_followed_without_jumps(robot):
     angle = np.linspace(0.0, 2.0 * np.pi, 400)
     path = np.stack([0.2 * np.cos(angle), 0.2 * np.sin(angle), np.full_like(angle, 0.58)], axis=-1)
     found = bs.inverse_kinematics(robot, path)
@@ -215,8 +212,7 @@ def test_unreachable_path_is_followed_without_jumps():
     np.testing.assert_allclose(alone.nearest_distance, found.nearest_distance[::40], atol=1e-7)
 
 
-def test_limits_that_bind_are_named():
-    robot = bs.load_robot("amouri2019")
+def test_limits_that_bind_are_named(robot):
     tip = bs.solve(robot, [60.0, 0.0, 0.0]).tip.position
     found = bs.inverse_kinematics(robot, tip, max_tension=30.0, distance_margin=0)
     assert found.status == "unreachable"
@@ -267,17 +263,15 @@ def test_path_is_followed_without_jumps():
     np.testing.assert_array_equal(cold.tensions, again.tensions)
 
 
-def test_displacements_lead_to_the_same_pose():
-    robot = bs.load_robot("rao2021")
+def test_displacements_lead_to_the_same_pose(rao):
     tips = np.linspace([0.05, 0.02, 0.385], [0.12, 0.05, 0.36], 10)
-    found = bs.inverse_kinematics(robot, tips, min_tension=0.5).raise_for_status()
+    found = bs.inverse_kinematics(rao, tips, min_tension=0.5).raise_for_status()
     landed = found.land(control="displacements").raise_for_status()
     assert np.abs(landed.tip_position - tips).max() < 1e-7
     assert np.abs(landed.tensions - found.tensions).max() < 5e-3
 
 
-def test_constant_curvature_in_closed_form():
-    robot = bs.load_robot("amouri2019")
+def test_constant_curvature_in_closed_form(robot):
     rng = np.random.default_rng(2)
     tensions = rng.uniform(0.0, 60.0, (200, 3))
     arcs = RobotArcs.from_tensions(robot, tensions)
@@ -305,16 +299,14 @@ def test_constant_curvature_of_several_segments(name):
     assert np.abs(again - arcs.tip.position)[reached].max() < 2e-6 * robot.length
 
 
-def test_landing_of_constant_curvature_is_that_of_a_solve():
-    robot = bs.load_robot("amouri2019")
+def test_landing_of_constant_curvature_is_that_of_a_solve(robot):
     found = bs.inverse_kinematics(robot, [0.3, 0.0, 0.53], model="constant_curvature")
     direct = bs.solve(robot, found.tensions).tip.position
     np.testing.assert_allclose(found.land().tip_position[0], direct, atol=1e-12)
     assert np.linalg.norm(direct - found.tip_position) > 1e-3
 
 
-def test_single_and_rows_agree_and_are_shown():
-    robot = bs.load_robot("amouri2019")
+def test_single_and_rows_agree_and_are_shown(robot):
     one = bs.inverse_kinematics(robot, [0.3, 0.0, 0.53])
     rows = bs.inverse_kinematics(robot, [[0.3, 0.0, 0.53]])
     np.testing.assert_array_equal(one.tensions, rows.tensions[0])
@@ -394,15 +386,14 @@ def test_out_of_reach_with_friction_is_not_called_reached():
 
 
 @pytest.mark.parametrize("least", [-0.02, -0.0095])
-def test_displacements_are_kept_within_limits(least):
+def test_displacements_are_kept_within_limits(rao, least):
     """With redundant tendons another set reaches the position, at the cost of larger tensions."""
-    robot = bs.load_robot("rao2021")
     position = [0.12, 0.05, 0.36]
-    free = bs.inverse_kinematics(robot, position)
+    free = bs.inverse_kinematics(rao, position)
     limits = (least, 0.0078)
-    found = bs.inverse_kinematics(robot, position, displacement_limits=limits)
-    assert found.status == "reached" and found.distance < 1e-6 * robot.length
-    moved = bs.solve(robot, found.tensions).displacements()  # by a solve of its own
+    found = bs.inverse_kinematics(rao, position, displacement_limits=limits)
+    assert found.status == "reached" and found.distance < 1e-6 * rao.length
+    moved = bs.solve(rao, found.tensions).displacements()  # by a solve of its own
     assert (moved > limits[0] - 1e-8).all() and (moved < limits[1] + 1e-8).all()
     if (free.displacements() > least).all():
         np.testing.assert_allclose(found.tensions, free.tensions, atol=1e-9)
@@ -410,7 +401,7 @@ def test_displacements_are_kept_within_limits(least):
     assert free.displacements().min() < least
     assert np.linalg.norm(found.tensions) > np.linalg.norm(free.tensions)
     # no admissible step along the set of equal tips makes the tensions smaller
-    by = bs.jacobians(bs.solve(robot, found.tensions))
+    by = bs.jacobians(bs.solve(rao, found.tensions))
     by_displacement = -by.lengths_by_tension  # of inextensible tendons
     at_limit = np.flatnonzero(moved < least + 1e-7)
     cost = np.asarray(found.tensions) / np.linalg.norm(found.tensions)
@@ -421,8 +412,7 @@ def test_displacements_are_kept_within_limits(least):
     assert step.fun > -1e-3
 
 
-def test_displacement_limits_that_bind_are_named():
-    robot = bs.load_robot("amouri2019")
+def test_displacement_limits_that_bind_are_named(robot):
     tips = bs.sweep(robot, [[60, 0, 0], [20, 0, 0]]).tip_position
     found = bs.inverse_kinematics(robot, tips, displacement_limits=[-0.05, 0.02])
     assert found.status == ["unreachable", "reached"]
@@ -435,33 +425,30 @@ def test_displacement_limits_that_bind_are_named():
     assert {"tendon": 1, "limit": "largest", "of": "displacement"} in row["binding"]
 
 
-def test_each_tendon_can_have_its_own_limits():
-    robot = bs.load_robot("amouri2019")
+def test_each_tendon_can_have_its_own_limits(robot):
     tip = bs.solve(robot, [30, 0, 10]).tip
     limits = [[-1, -1, -1], [1, 1, 0.0]]
     found = bs.inverse_kinematics(robot, tip.position, displacement_limits=limits)
     assert found.displacements()[2] < 1e-8
 
 
-def test_path_with_gaps_and_jumps_is_followed():
+def test_path_with_gaps_and_jumps_is_followed(rao):
     """Rows out of reach and far jumps between rows do not spoil those that follow."""
-    robot = bs.load_robot("rao2021")
-    _, tips, most = forward(robot, 60, 31)
+    _, tips, most = forward(rao, 60, 31)
     tips[7] = [0.0, 0.0, -0.3]
     tips[8] = tips[7]
     tips[20] = [0.0, 0.0, 0.0]
-    found = bs.inverse_kinematics(robot, tips, max_tension=most)
+    found = bs.inverse_kinematics(rao, tips, max_tension=most)
     there = np.ones(len(tips), dtype=bool)
     there[[7, 8, 20]] = False
     assert found.reached[there].all() and not found.reached[~there].any()
     assert np.isfinite(found.tensions).all() and np.isfinite(found.distance).all()
     landed = found.land().tip_position
-    assert np.linalg.norm(landed - tips, axis=1)[there].max() < 1e-5 * robot.length
+    assert np.linalg.norm(landed - tips, axis=1)[there].max() < 1e-5 * rao.length
 
 
-def test_loads_that_change_along_a_path():
+def test_loads_that_change_along_a_path(rao):
     """Each row has its own gravity, tip force and tip moment."""
-    robot = bs.load_robot("rao2021")
     angle = np.linspace(0.0, 2.0, 40)
     load = bs.Load(
         gravity=9.81 * np.stack([np.sin(angle), 0.0 * angle, -np.cos(angle)], axis=-1),
@@ -469,13 +456,12 @@ def test_loads_that_change_along_a_path():
         tip_moment=np.linspace([0.0, 0.0, 0.0], [0.002, 0.0, 0.003], 40),
     )
     tips = np.linspace([0.05, 0.02, 0.385], [0.12, 0.05, 0.36], 40)
-    found = bs.inverse_kinematics(robot, tips, load=load).raise_for_status()
+    found = bs.inverse_kinematics(rao, tips, load=load).raise_for_status()
     landed = found.land()
-    assert np.abs(landed.tip_position - tips).max() < 1e-5 * robot.length
+    assert np.abs(landed.tip_position - tips).max() < 1e-5 * rao.length
 
 
-def test_one_tendon_bends_in_its_plane():
-    robot = bs.load_robot("amouri2019")
+def test_one_tendon_bends_in_its_plane(robot):
     tip = bs.solve(robot, [50.0, 0.0, 0.0]).tip.position
     # two tendons are held slack
     found = bs.inverse_kinematics(robot, tip, max_tension=[80.0, 0.0, 0.0])
@@ -487,8 +473,7 @@ def test_one_tendon_bends_in_its_plane():
     assert aside.nearest_distance == pytest.approx(0.05, rel=1e-6)
 
 
-def test_rows_without_equilibrium_land_nowhere():
-    robot = bs.load_robot("amouri2019")
+def test_rows_without_equilibrium_land_nowhere(robot):
     path = [[0.2, 0.0, 0.58], [0.2, 0.0, 0.58], [0.21, 0.0, 0.57]]
     found = bs.inverse_kinematics(robot, path)
     tensions = found.tensions.copy()
@@ -500,8 +485,7 @@ def test_rows_without_equilibrium_land_nowhere():
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e300])
-def test_the_length_of_a_direction_does_not_matter(size: float) -> None:
-    robot = bs.load_robot("amouri2019")
+def test_the_length_of_a_direction_does_not_matter(robot: bs.Robot, size: float) -> None:
     ours, other = (
         bs.inverse_kinematics(robot, [0.1, 0, 0.6], direction=[k, 0, k]) for k in (1.0, size)
     )

@@ -91,7 +91,7 @@ def write_fit(
         if residual is not None:
             write_json(new / RESIDUAL, residual_to_dict(residual))
         if comparison is not None:
-            _write_models(new / _MODELS, model_rows(comparison))
+            _write_models(new / _MODELS, model_rows(comparison.models, comparison.chosen))
             label = f"{data.source}: {data.name}"[:60]
             drawings.append((_ERROR_PARTS, partial(draw_parts, comparison, label)))
 
@@ -134,7 +134,7 @@ def write_stopped(stopped: ComparisonInterrupted, content: Mapping[str, Any], ou
         raise InputError(f"{folder} has a complete fit, which stays")
 
     def fill(new: Path) -> None:
-        _write_models(new / _MODELS, _rows_of(stopped.models, None))
+        _write_models(new / _MODELS, model_rows(stopped.models))
         write_listing(new / "fit.json", content)
 
     write_whole(folder, "fit", fill, lambda: check_folder(folder, "fit"))
@@ -147,13 +147,11 @@ def _write_models(path: Path, rows: Sequence[Sequence[str]]) -> None:
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 
-def model_rows(comparison: ModelComparison) -> list[list[str]]:
-    """Header and rows of a table of the compared models; cells without a number are empty."""
-    return _rows_of(comparison.models, comparison.chosen)
+def model_rows(models: Sequence[JudgedModel], choice: JudgedModel | None = None) -> list[list[str]]:
+    """Header and rows of a table of compared models; cells without a number are empty.
 
-
-def _rows_of(models: Sequence[JudgedModel], choice: JudgedModel | None) -> list[list[str]]:
-    """Header and rows of models; no row is chosen without a choice, of a part of them."""
+    No row is chosen without a choice, of a part of the models.
+    """
     columns = [f"{name}_{number}_mm" for name in _SCORES for number in ("rmse", "mean")]
     rows = [["model", "parameters", "rows", *columns, "chosen", "reason"]]
     for each in models:

@@ -28,8 +28,7 @@ def matern(distance: Floats) -> Floats:
         Correlation, 1 at distance 0.
     """
     scaled = np.sqrt(3.0) * distance
-    out: Floats = (1.0 + scaled) * np.exp(-scaled)
-    return out
+    return np.asarray((1.0 + scaled) * np.exp(-scaled))
 
 
 @dataclass(frozen=True, eq=False)

@@ -176,7 +176,7 @@ def _refitted(
     if kind != found.model:
         names, start = of_arcs(names, start)
         if isinstance(priors, Mapping):
-            priors = priors_of_arcs(priors)
+            priors = {name: sd for name, sd in priors.items() if _head(name) in _OF_BOTH}
     return fit(
         robot,
         data,
@@ -194,11 +194,6 @@ def of_arcs(names: Sequence[str], start: Mapping[str, float]) -> tuple[list[str]
     own = [name for name in names if _head(name) in _OF_BOTH]
     held = {name: v for name, v in start.items() if _head(name) in (*_OF_BOTH, *_OF_ARCS)}
     return [*own, "bend_gain.segments"], held
-
-
-def priors_of_arcs(priors: Mapping[str, float]) -> dict[str, float]:
-    """Priors of the parameters that constant curvature shares with statics."""
-    return {name: value for name, value in priors.items() if _head(name) in _OF_BOTH}
 
 
 def _head(name: str) -> str:

@@ -644,7 +644,7 @@ class _Reader:
                     None if c.constant is not None else self.cells(c, columns, lines) for c in point
                 ]
                 is_tip = p == len(layout.points) - 1
-                blank = _without([each for each in found if each], n) if is_tip else True
+                blank = _without([each for each in found if each]) if is_tip else True
                 for axis, (column, read) in enumerate(zip(point, found, strict=True)):
                     points[:, p, axis] = numbers(column, blank=blank, read=read)
         if layout.rotation is not None:
@@ -976,11 +976,9 @@ def _first(
     return None if line is None else (line, name)
 
 
-def _without(tip: Sequence[tuple[Sequence[str], Floats]], count: int) -> Bools:
-    """Rows (count,) without a measured tip: all coordinates blank, NaN or not measured."""
-    out = np.ones(count, bool)
-    for _, values in tip:
-        out &= np.isnan(values)
+def _without(tip: Sequence[tuple[Sequence[str], Floats]]) -> Bools:
+    """Rows without a measured tip: all coordinates blank, NaN or not measured."""
+    out = np.asarray(np.isnan([values for _, values in tip]).all(axis=0))
     for i in np.flatnonzero(out).tolist():
         out[i] = all(is_missing(cells[i]) for cells, _ in tip)
     return out

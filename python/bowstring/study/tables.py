@@ -208,10 +208,10 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
         *((key, [row[key] for row in rows]) for key in ("max_mm", "rms_mm", "mean_percent")),
         *((_named(key), [row[f"{key}_by_axis_mm"] for row in rows]) for key in ("mean", "max")),
     )
-    if found.models_compared is not None:
+    if (compared := found.models_compared) is not None:
         from bowstring.calibration.fit_folder import model_rows
 
-        header, *models = model_rows(found.models_compared)
+        header, *models = model_rows(compared.models, compared.chosen)
         yield (
             "measured_models",
             ["source", *header],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -41,48 +41,36 @@ class Metric:
     label: str
     unit: str
     per_unit: float
-    statistic: Callable[[Floats], float]
+    statistic: Callable[[Floats], Any]
 
     def __call__(self, errors: Floats) -> float:
         """Value in `unit` of errors (K, ...) in SI, NaN where a model has no solution."""
         rows = errors.reshape(len(errors), -1)
         known = rows[np.isfinite(rows).all(axis=1)].reshape(-1, *errors.shape[1:])
-        return self.statistic(known) / self.per_unit if len(known) else float("nan")
+        return float(self.statistic(known) / self.per_unit) if len(known) else float("nan")
 
 
-def _rms(errors: Floats) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
+def _rms(errors: Floats) -> Any:
+    return np.sqrt(np.mean(errors**2))
 
 
-def _mean(errors: Floats) -> float:
-    return float(np.mean(errors))
+def _mean_of_rms(errors: Floats) -> Any:
+    return np.sqrt(np.mean(errors**2, axis=-1)).mean()
 
 
-def _mean_of_rms(errors: Floats) -> float:
-    return float(np.sqrt(np.mean(errors**2, axis=-1)).mean())
-
-
-def _mean_of_last(errors: Floats) -> float:
-    return float(errors[..., -1].mean())
-
-
-def _median(errors: Floats) -> float:
-    return float(np.median(errors))
-
-
-def _largest(errors: Floats) -> float:
-    return float(errors.max())
+def _mean_of_last(errors: Floats) -> Any:
+    return errors[..., -1].mean()
 
 
 METRICS: Final[dict[str, Metric]] = {
     "tip_rmse": Metric("tip", "tip RMSE", *_MM, _rms),
-    "tip_mean": Metric("tip", "mean tip error", *_MM, _mean),
-    "tip_median": Metric("tip", "median tip error", *_MM, _median),
-    "tip_max": Metric("tip", "largest tip error", *_MM, _largest),
-    "marker_mean": Metric("markers", "mean marker error", *_MM, _mean),
+    "tip_mean": Metric("tip", "mean tip error", *_MM, np.mean),
+    "tip_median": Metric("tip", "median tip error", *_MM, np.median),
+    "tip_max": Metric("tip", "largest tip error", *_MM, np.max),
+    "marker_mean": Metric("markers", "mean marker error", *_MM, np.mean),
     "marker_rmse": Metric("markers", "marker RMSE", *_MM, _rms),
     "bend_rmse": Metric("bend", "bend RMSE", *_DEG, _rms),
-    "bend_mean": Metric("bend", "mean bend error", *_DEG, _mean),
+    "bend_mean": Metric("bend", "mean bend error", *_DEG, np.mean),
     "shape_rms": Metric("shape", "shape RMS", *_PERCENT, _mean_of_rms),
     "shape_tip": Metric("shape", "shape tip", *_PERCENT, _mean_of_last),
 }
