@@ -15,18 +15,19 @@ from typing import Any
 
 import pytest
 
-from bowstring import processes
+from bowstring import processes, threads
 
 
 @pytest.fixture(autouse=True)
-def _beside_jax(monkeypatch: pytest.MonkeyPatch) -> None:
+def two_cores_beside_jax(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other tests may have imported JAX, beside which no process is forked."""
     monkeypatch.setattr(processes, "_WITH_THREADS", ())
+    monkeypatch.setattr(threads, "cores", lambda: 2)
 
 
 @pytest.fixture(params=[1, 2, 3])
 def cores(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
-    monkeypatch.setattr(processes, "_cores", lambda: request.param)
+    monkeypatch.setattr(threads, "cores", lambda: request.param)
     return int(request.param)
 
 
@@ -52,7 +53,7 @@ def test_an_error_is_raised_in_the_parent(cores: int, bad: int) -> None:
 
 
 def _in_a_pool(folder: Path) -> int:
-    processes._cores = lambda: 2  # type: ignore[assignment]
+    threads.cores = lambda: 2
     processes.for_each(range(3), lambda i: (folder / str(i)).touch())
     return len(list(folder.iterdir()))
 
@@ -62,10 +63,7 @@ def test_a_pool_worker_starts_no_processes(tmp_path: Path) -> None:
         assert pool.apply(_in_a_pool, (tmp_path,)) == 3
 
 
-def test_work_of_a_lost_process_is_done_in_the_parent(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(processes, "_cores", lambda: 2)
+def test_work_of_a_lost_process_is_done_in_the_parent(tmp_path: Path) -> None:
     here = os.getpid()
 
     def do(i: int) -> None:
@@ -77,9 +75,7 @@ def test_work_of_a_lost_process_is_done_in_the_parent(
     assert len(list(tmp_path.iterdir())) == 4
 
 
-def test_a_stop_ends_the_other_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(processes, "_cores", lambda: 2)
-
+def test_a_stop_ends_the_other_processes() -> None:
     def stop(share: float) -> None:
         raise KeyboardInterrupt
 
@@ -90,7 +86,7 @@ def test_a_stop_ends_the_other_processes(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_a_stop_while_processes_start_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt between the start of a process and its entry in the list would orphan it."""
-    monkeypatch.setattr(processes, "_cores", lambda: 3)
+    monkeypatch.setattr(threads, "cores", lambda: 3)
     submit = ProcessPoolExecutor.submit
 
     def interrupted(*arguments: Any) -> Any:
@@ -104,9 +100,8 @@ def test_a_stop_while_processes_start_ends_them(monkeypatch: pytest.MonkeyPatch)
     assert not multiprocessing.active_children()
 
 
-def test_processes_end_by_a_signal_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_processes_end_by_a_signal_at_once(tmp_path: Path) -> None:
     """Also where Python cannot run a handler, as while it waits for a lock for ever."""
-    monkeypatch.setattr(processes, "_cores", lambda: 2)
     here = os.getpid()
 
     def do(i: int) -> None:
@@ -122,7 +117,6 @@ def test_processes_end_by_a_signal_at_once(monkeypatch: pytest.MonkeyPatch, tmp_
 def test_a_process_that_hangs_is_not_waited_for_long(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(processes, "_cores", lambda: 2)
     monkeypatch.setattr(processes, "_PATIENCE", 0.1)
     here = os.getpid()
 
@@ -138,8 +132,8 @@ def test_a_process_that_hangs_is_not_waited_for_long(
 def test_processes_end_when_the_first_one_is_killed(tmp_path: Path) -> None:
     program = f"""
 import os, pathlib, time
-from bowstring import processes
-processes._cores = lambda: 3
+from bowstring import processes, threads
+threads.cores = lambda: 3
 def do(i):
     pathlib.Path({str(tmp_path)!r}, str(os.getpid())).touch()
     time.sleep(600.0)
@@ -168,7 +162,6 @@ def _until(met: Callable[[], bool]) -> None:
 
 def test_no_process_is_forked_beside_jax(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(processes, "_WITH_THREADS", ("jaxlib",))
-    monkeypatch.setattr(processes, "_cores", lambda: 2)
     monkeypatch.setitem(sys.modules, "jaxlib", sys)
     seen: list[int] = []
     processes.for_each(range(3), lambda i: seen.append(os.getpid()))
