@@ -7,6 +7,7 @@ import os
 import pickle
 import signal
 import time as clock
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,6 @@ from bowstring.errors import InputError, NoSolutionError
 from objects import objects
 
 ROBOT = bs.load_robot("amouri2019")
-DATA = Path(
-    os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data")
-).resolve()
-
-
 TWO = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
 
 
@@ -77,12 +73,10 @@ def test_default_settings_are_near_convergence() -> None:
 
 
 @pytest.mark.parametrize("case", [1, 2])
-def test_release_of_another_groups_rod(case: int) -> None:
+def test_release_of_another_groups_rod(case: int, public_data: Callable[[str], Path]) -> None:
     """A steel rod released from forces in its middle and at its tip, by a Cosserat solver of
     another group. Its damping ratio is strain rate to strain: material damping."""
-    path = DATA / "sorosim-rods" / f"SpringSteel_dynamics_{case}.txt"
-    if not path.exists():
-        pytest.skip(f"needs the data of others, sorosim-rods, in {DATA}")
+    path = public_data("sorosim-rods") / f"SpringSteel_dynamics_{case}.txt"
     lines = [[float(x) for x in line.split()] for line in path.read_text().splitlines()]
     to_base = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
     gravity = to_base @ lines[0][-3:]

@@ -42,16 +42,9 @@ from bowstring.statics import rod
 from bowstring.study import finite_elements as third
 from fem_robots import COARSE, needs_ccx, small_robot, two_segments
 from objects import objects
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 LOADS = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [40.0, 0.0, 10.0]]
-
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """No test sees results kept by another test or by the user."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    return tmp_path
 
 
 @pytest.fixture(scope="module")
