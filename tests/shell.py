@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from functools import cache
@@ -86,3 +87,31 @@ def process(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]
         check=False,
         **options,
     )
+
+
+def on_terminal(*arguments: str, typed: str = "", **environment: str) -> tuple[str, int]:
+    """The output of a command to a terminal on which a text is typed, and its exit code."""
+    pty = pytest.importorskip("pty", reason="POSIX terminals")
+    master, slave = pty.openpty()
+    inherited = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
+    with subprocess.Popen(
+        [sys.executable, "-m", "bowstring", *arguments],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        env={**inherited, "TERM": "xterm-256color", **environment},
+    ) as child:
+        os.close(slave)
+        os.write(master, typed.encode())
+        text = b"".join(iter(lambda: read_terminal(master), b""))
+        child.wait(60)
+    os.close(master)
+    return text.decode(), child.returncode
+
+
+def read_terminal(master: int) -> bytes:
+    """Some output of a terminal; none after its end."""
+    try:
+        return os.read(master, 65536)
+    except OSError:  # raised on Linux when the other end is closed
+        return b""

@@ -106,13 +106,15 @@ def test_light_falls_from_above_and_bodies_shade_each_other():
 
 def readable(figure):
     """The texts of a figure, which must lie within it and not overlap."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.text import Text
 
-    figure.canvas.draw()
-    drawer = figure.canvas.get_renderer()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    drawer = canvas.get_renderer()
     texts = [t for axes in figure.axes for t in axes.texts if t.get_text()] + list(figure.texts)
     boxes = [Text.get_window_extent(text, drawer) for text in texts]
-    width, height = figure.canvas.get_width_height()
+    width, height = canvas.get_width_height()
     for text, found in zip(texts, boxes, strict=True):
         assert found.x0 >= 0 and found.x1 <= width, text.get_text()
         assert found.y0 >= 0 and found.y1 <= height, text.get_text()
@@ -122,16 +124,9 @@ def readable(figure):
     return [text.get_text() for text in texts]
 
 
-@pytest.fixture
-def canvas():
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    return FigureCanvasAgg
-
-
 @pytest.mark.cad
 @pytest.mark.parametrize("name", bs.robot_names())
-def test_a_picture_names_its_parts(name, canvas, tmp_path):
+def test_a_picture_names_its_parts(name, tmp_path):
     pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad.picture import draw_solid, write_picture
     from bowstring.cad.solid import make_solid
@@ -140,7 +135,6 @@ def test_a_picture_names_its_parts(name, canvas, tmp_path):
     count = len(robot.tendons.angle_rad)
     solid = make_solid(robot, bs.solve(robot, tensions=[1.0] + [0.0] * (count - 1)))
     figure = draw_solid(solid, pixels=500)
-    canvas(figure)
     texts = readable(figure)
     title = f"{name}, simulated: tendon 1 at 1 N"
     assert title in [text.replace("\n", " ") for text in texts]
@@ -155,7 +149,7 @@ def test_a_picture_names_its_parts(name, canvas, tmp_path):
 
 
 @pytest.mark.cad
-def test_labels_point_at_visible_parts_and_a_long_title_wraps(canvas):
+def test_labels_point_at_visible_parts_and_a_long_title_wraps():
     pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad.picture import draw_solid
     from bowstring.cad.solid import make_solid
@@ -163,7 +157,6 @@ def test_labels_point_at_visible_parts_and_a_long_title_wraps(canvas):
     title = "A robot whose name is as long as names may be and so does not go on one line, by far"
     solid = make_solid(bs.load_robot("amouri2019", {"name": title}))
     figure = draw_solid(solid, pixels=400)
-    canvas(figure)
     texts = readable(figure)
     assert any(t.replace("\n", " ") == f"{title}, straight, as built" for t in texts)
     (axes,) = figure.axes
@@ -192,9 +185,8 @@ def test_normals_are_smooth_around_a_rod_and_sharp_at_its_ends():
     assert volume == pytest.approx(math.pi * 4 * 100, rel=0.03)
 
 
-def test_a_drawing_has_all_sizes(canvas):
+def test_a_drawing_has_all_sizes():
     figure = draw_disks(bs.load_robot("amouri2019"))
-    canvas(figure)
     texts = readable(figure)
     for text in ("disks 1 to 9", "Ø64", "Ø5", "3 x Ø2*\non Ø58", "120°", "3"):
         assert text in texts
@@ -204,7 +196,7 @@ def test_a_drawing_has_all_sizes(canvas):
     assert "3 x Ø2.5\non Ø58" in texts
 
 
-def test_a_drawing_dimensions_each_hole_if_they_differ(canvas):
+def test_a_drawing_dimensions_each_hole_if_they_differ():
     robot = bs.load_robot(
         "amouri2019",
         {
@@ -217,17 +209,14 @@ def test_a_drawing_dimensions_each_hole_if_they_differ(canvas):
         },
     )
     figure = draw_disks(robot)
-    canvas(figure)
     texts = readable(figure)
     assert "1: 0° on Ø58\n2: 50° on Ø40\n3: 297.76° on Ø24" in texts
     assert {"1", "2", "3", "Ø64.251"} <= set(texts) and "50°" not in texts
     # the angles of all nine holes, on one circle
     figure = draw_disks(bs.load_robot("crl-ftdcr-v4"))
-    canvas(figure)
     first = next(text for text in readable(figure) if text.startswith("1: 2.51°"))
     assert first.count("\n") == 8 and "Ø" not in first
     figure = draw_disks(bs.load_robot("amouri2019", {"name": "of many letters" * 6}))
-    canvas(figure)
     assert any("spacer disks, in mm" in text.replace("\n", " ") for text in readable(figure))
     many = {"segments.0.tendons": [{"angle": i * i / 50, "pitch_radius": 0.029} for i in range(16)]}
     figure = draw_disks(bs.load_robot("amouri2019", many))

@@ -257,10 +257,9 @@ def test_study(studied: tuple[Path, str]) -> None:
 
 @pytest.mark.slow
 def test_study_of_a_user_robot(
-    shell: Shell, paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shell: Shell, paper: Study, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A file of the user with every flag; the report is written where it is stated."""
-    monkeypatch.chdir(tmp_path)
     clamped = {"segments.0.disks.clamped_length": "2 mm"}
     own = load_robot(ROOT / "examples" / "my_robot.yaml").with_(clamped)
 
@@ -293,19 +292,16 @@ def test_study_of_a_user_robot(
     assert code == 0 and not err, err
     assert "2 % of length" in " ".join(out.split()) and "5 N" in out
     report = Path(out.splitlines()[-1].removeprefix("Report: "))
-    assert report == tmp_path / "bowstring-study" / "my_robot" / "report.html"
+    assert report == here / "bowstring-study" / "my_robot" / "report.html"
     assert "tendons 2 and 6 (at 0.5 of it)" in report.read_text("utf-8")
     written = json.loads(report.with_name("study.json").read_text("utf-8"))
     assert written["provenance"]["robot_file"] == str(ROOT / "examples" / "my_robot.yaml")
 
 
-def test_the_study_of_another_robot_file_of_this_name_is_kept(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    held = str(tmp_path / "other.yaml")
+def test_the_study_of_another_robot_file_of_this_name_is_kept(shell: Shell, here: Path) -> None:
+    held = str(here / "other.yaml")
     Path(held).touch()
-    folder = tmp_path / "bowstring-study" / "my_robot"
+    folder = here / "bowstring-study" / "my_robot"
     folder.mkdir(parents=True)
     former = {"files": ["study.json"], "provenance": {"robot_file": held}}
     (folder / "study.json").write_text(json.dumps(former), "utf-8")

@@ -21,11 +21,9 @@ segments:
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "small.yaml").write_text(ROBOT)
-    return tmp_path
+def with_robot(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(here / "cache"))
+    (here / "small.yaml").write_text(ROBOT)
 
 
 FE = ("fe", "small.yaml", "--tension", "40,0,10", "--mesh", "2,4,1")
@@ -105,7 +103,6 @@ def test_a_failed_load_prints_the_loads_before_it(shell: Shell) -> None:
         (("--mass-damping", "1"), "--mass-damping is for --dynamic"),
         (("--study", "--tip-force", "1,0,0"), "--study is for tensions alone"),
         (("--loads", "0:-1:-2"), "--loads: got -2 N; must be 0 or more"),
-        (("--set", "segments.0.disks.clamped_length=0"), "clamped_length is 0"),
         (
             ("--set", "segments.0.disks.clamped_length=0"),
             'for a glued disk add --set segments.0.disks.clamped_length="3 mm"',

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from bowstring.cli.new import MATERIALS, MOUNTS
 from bowstring.robot.reader import load_robot
-from shell import Shell
+from shell import Shell, on_terminal
+
+pytestmark = pytest.mark.usefixtures("here")
 
 SMALL = Path(__file__).parents[1] / "examples" / "small.yaml"
 FLAGS = {
@@ -26,12 +25,6 @@ FLAGS = {
     "--disk": "1.5 g,2 mm",
     "--mount": "side",
 }
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def test_without_answers_it_is_the_robot_of_the_start_page(shell: Shell, here: Path) -> None:
@@ -145,26 +138,7 @@ def test_a_file_of_another_program(shell: Shell) -> None:
 
 
 def answered(answers: str) -> tuple[str, int]:
-    """What the command writes to a terminal on which these answers are typed."""
-    pty = pytest.importorskip("pty", reason="POSIX terminals")
-    master, slave = pty.openpty()
-    with subprocess.Popen(
-        [sys.executable, "-m", "bowstring", "new", "mine.yaml", "--mount", "up"],
-        stdin=slave,
-        stdout=slave,
-        stderr=slave,
-    ) as child:
-        os.close(slave)
-        os.write(master, answers.encode())
-        text = b""
-        try:
-            while part := os.read(master, 65536):
-                text += part
-        except OSError:  # the other end is closed
-            pass
-        child.wait(60)
-    os.close(master)
-    return text.decode(), child.returncode
+    return on_terminal("new", "mine.yaml", "--mount", "up", typed=answers, NO_COLOR="1")
 
 
 def test_questions_on_a_terminal() -> None:

@@ -21,7 +21,7 @@ import pytest
 from bowstring.cli import completion, main, output
 from bowstring.data import datasets, mapping
 from bowstring.robot.reader import robot_names
-from shell import Shell, process
+from shell import Shell, on_terminal, process, read_terminal
 
 pty = pytest.importorskip("pty", reason="POSIX terminals")
 
@@ -203,31 +203,6 @@ def test_every_command_can_be_quiet(shell: Shell) -> None:
 # -- colours -------------------------------------------------------------------------------------
 
 
-def on_terminal(*arguments: str, **environment: str) -> str:
-    """The output of a command to a terminal."""
-    master, slave = pty.openpty()
-    inherited = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
-    with subprocess.Popen(
-        [sys.executable, "-m", "bowstring", *arguments],
-        stdin=slave,
-        stdout=slave,
-        stderr=slave,
-        env={**inherited, "TERM": "xterm-256color", **environment},
-    ) as child:
-        os.close(slave)
-        text = b"".join(iter(lambda: _read(master), b""))
-        child.wait(60)
-    os.close(master)
-    return text.decode()
-
-
-def _read(master: int) -> bytes:
-    try:
-        return os.read(master, 65536)
-    except OSError:  # raised on Linux when the other end is closed
-        return b""
-
-
 @pytest.mark.parametrize(
     ("environment", "styled"),
     [
@@ -239,7 +214,7 @@ def _read(master: int) -> bytes:
     ],
 )
 def test_colours_on_a_terminal(environment: dict[str, str], styled: bool) -> None:
-    text = on_terminal("robots", **environment)
+    text, _ = on_terminal("robots", **environment)
     assert "amouri2019" in text and (ESCAPE in text) == styled
 
 
@@ -264,14 +239,14 @@ def test_colours_in_a_pipe(
     "arguments", [("--version",), ("--help",), ("study", "--help"), ("study", "--tolerance", "2")]
 )
 def test_texts_and_errors_have_no_colour(arguments: tuple[str, ...]) -> None:
-    assert ESCAPE not in on_terminal(*arguments)
+    assert ESCAPE not in on_terminal(*arguments)[0]
 
 
 def test_installing_completion_obeys_no_color(tmp_path: Path) -> None:
     """This output is from typer, in green."""
     here = {"HOME": str(tmp_path), "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
-    assert ESCAPE in on_terminal("--install-completion", "bash", **here)
-    text = on_terminal("--install-completion", "bash", NO_COLOR="1", **here)
+    assert ESCAPE in on_terminal("--install-completion", "bash", **here)[0]
+    text, _ = on_terminal("--install-completion", "bash", NO_COLOR="1", **here)
     assert "completion installed in" in text and ESCAPE not in text
     assert "complete -o default" in (tmp_path / ".bash_completions/bowstring.sh").read_text()
 
@@ -291,7 +266,7 @@ class Terminal:
         with contextlib.redirect_stderr(self.stream):
             work()
         self.stream.close()
-        return b"".join(iter(lambda: _read(self.master), b"")).decode()
+        return b"".join(iter(lambda: read_terminal(self.master), b"")).decode()
 
 
 @pytest.fixture
@@ -386,10 +361,7 @@ def test_a_bar_is_drawn_and_removed(
 
 
 @pytest.mark.parametrize("how", ["--quiet", "dumb", "pipe"])
-def test_no_bar(
-    terminal: Terminal, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_no_bar(terminal: Terminal, here: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
     if how == "dumb":
         monkeypatch.setenv("TERM", "dumb")
     if how == "pipe":
@@ -437,11 +409,11 @@ def test_ctrl_c_removes_the_bar(tmp_path: Path) -> None:
         os.close(slave)
         text = b""
         while b"equilibria" not in text:
-            more = _read(master)
+            more = read_terminal(master)
             assert more, text
             text += more
         child.send_signal(signal.SIGINT)
-        text += b"".join(iter(lambda: _read(master), b""))
+        text += b"".join(iter(lambda: read_terminal(master), b""))
         code = child.wait(60)
     os.close(master)
     lines = [line for line in visible(text.decode()) if line]

@@ -30,27 +30,22 @@ SVG: Final = "{http://www.w3.org/2000/svg}"
 
 
 @pytest.fixture(scope="module")
-def robot() -> bs.Robot:
-    return bs.load_robot("rao2021")
-
-
-@pytest.fixture(scope="module")
-def objects(robot: bs.Robot, paper: Study) -> dict[str, Any]:
+def objects(rao: bs.Robot, paper: Study) -> dict[str, Any]:
     """Results of the public functions."""
-    solution = bs.solve(robot, [1, 0, 0, 0, 0, 0])
+    solution = bs.solve(rao, [1, 0, 0, 0, 0, 0])
     loads = np.outer(np.linspace(0, 1, 200), [1, 0, 0, 0, 0, 0])
     return {
-        "robot": robot,
+        "robot": rao,
         "solution": solution,
-        "sweep": bs.sweep(robot, loads),
-        "run": bs.simulate(robot, ramp([0.1, 0, 0, 0, 0, 0], rise=0.01), duration=0.01),
-        "modes": bs.modes(robot),
+        "sweep": bs.sweep(rao, loads),
+        "run": bs.simulate(rao, ramp([0.1, 0, 0, 0, 0, 0], rise=0.01), duration=0.01),
+        "modes": bs.modes(rao),
         "study": paper,
         "data": bs.read_measurements(ROOT / "examples" / "bench.csv"),
         "jacobians": bs.jacobians(solution),
-        "arcs": bs.constant_curvature.RobotArcs.from_lengths(robot, solution.tendon_lengths),
-        "tendons": robot.tendons,
-        "disks": robot.disks,
+        "arcs": bs.constant_curvature.RobotArcs.from_lengths(rao, solution.tendon_lengths),
+        "tendons": rao.tendons,
+        "disks": rao.disks,
         **{f"study.{name}": value for name, value in vars(paper).items()},
         **{f"study.{c.name}": c for c in paper.comparisons},
     }

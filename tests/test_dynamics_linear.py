@@ -12,6 +12,7 @@ from scipy.signal import cont2discrete
 
 import bowstring as bs
 from bowstring.errors import InputError, NoSolutionError
+from objects import refused
 
 AMOURI, RAO = bs.load_robot("amouri2019"), bs.load_robot("rao2021")
 LOADED = bs.Load(
@@ -130,8 +131,7 @@ def test_a_regulator_damps_the_model() -> None:
     ],
 )
 def test_bad_input_is_refused(given: dict[str, Any], says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        bs.linearise(AMOURI, **given)
+    refused(says, lambda: bs.linearise(AMOURI, **given))
 
 
 def test_friction_and_missing_equilibria_are_refused() -> None:
@@ -139,10 +139,7 @@ def test_friction_and_missing_equilibria_are_refused() -> None:
         bs.linearise(AMOURI.with_({"segments.0.tendons.friction": 0.1}), [1, 0, 0])
     with pytest.raises(NoSolutionError, match="no stable equilibrium"):
         bs.linearise(AMOURI, [4000, 4000, 4000])
-    with pytest.raises(InputError, match="dt is 0 s"):
-        bs.linearise(AMOURI, [1, 0, 0]).discrete(0.0)
-    with pytest.raises(InputError, match="shorter step"):
-        bs.linearise(AMOURI, [1, 0, 0]).discrete(1e300)
+    refused("dt is 0 s", lambda: bs.linearise(AMOURI, [1, 0, 0]).discrete(0.0))
+    refused("shorter step", lambda: bs.linearise(AMOURI, [1, 0, 0]).discrete(1e300))
     tentacle = bs.load_robot(Path(__file__).parents[1] / "examples" / "tentacle.yaml")
-    with pytest.raises(InputError, match="tentacle has such tendons"):
-        bs.linearise(tentacle)
+    refused("tentacle has such tendons", lambda: bs.linearise(tentacle))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -40,8 +38,8 @@ def test_where_the_rod_has_no_equilibrium_there_is_no_ratio() -> None:
 
 
 @needs_ccx
-def test_tension_put_on_and_taken_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+@pytest.mark.usefixtures("own_cache")
+def test_tension_put_on_and_taken_off() -> None:
     run = sweep(small_robot(), [[20.0, 0, 0], [0, 0, 0]], settings=COARSE).raise_for_status()
     found = compare_with_rod(run)
     assert found.stress_ratio[0] == pytest.approx(1.0, abs=0.1)

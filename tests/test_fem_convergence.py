@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -43,10 +41,8 @@ def test_a_component_without_convergence_is_not_extrapolated() -> None:
 
 
 @needs_ccx
-def test_a_study_refines_one_thing_at_a_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+@pytest.mark.usefixtures("own_cache")
+def test_a_study_refines_one_thing_at_a_time() -> None:
     reported: list[float] = []
     found = study(
         small_robot(),

@@ -19,9 +19,10 @@ from bowstring import processes, threads
 
 
 @pytest.fixture(autouse=True)
-def _beside_jax(monkeypatch: pytest.MonkeyPatch) -> None:
+def two_cores_beside_jax(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other tests may have imported JAX, beside which no process is forked."""
     monkeypatch.setattr(processes, "_WITH_THREADS", ())
+    monkeypatch.setattr(threads, "cores", lambda: 2)
 
 
 @pytest.fixture(params=[1, 2, 3])
@@ -52,7 +53,7 @@ def test_an_error_is_raised_in_the_parent(cores: int, bad: int) -> None:
 
 
 def _in_a_pool(folder: Path) -> int:
-    threads.cores = lambda: 2  # type: ignore[assignment]
+    threads.cores = lambda: 2
     processes.for_each(range(3), lambda i: (folder / str(i)).touch())
     return len(list(folder.iterdir()))
 
@@ -62,10 +63,7 @@ def test_a_pool_worker_starts_no_processes(tmp_path: Path) -> None:
         assert pool.apply(_in_a_pool, (tmp_path,)) == 3
 
 
-def test_work_of_a_lost_process_is_done_in_the_parent(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(threads, "cores", lambda: 2)
+def test_work_of_a_lost_process_is_done_in_the_parent(tmp_path: Path) -> None:
     here = os.getpid()
 
     def do(i: int) -> None:
@@ -77,9 +75,7 @@ def test_work_of_a_lost_process_is_done_in_the_parent(
     assert len(list(tmp_path.iterdir())) == 4
 
 
-def test_a_stop_ends_the_other_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(threads, "cores", lambda: 2)
-
+def test_a_stop_ends_the_other_processes() -> None:
     def stop(share: float) -> None:
         raise KeyboardInterrupt
 
@@ -104,9 +100,8 @@ def test_a_stop_while_processes_start_ends_them(monkeypatch: pytest.MonkeyPatch)
     assert not multiprocessing.active_children()
 
 
-def test_processes_end_by_a_signal_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_processes_end_by_a_signal_at_once(tmp_path: Path) -> None:
     """Also where Python cannot run a handler, as while it waits for a lock for ever."""
-    monkeypatch.setattr(threads, "cores", lambda: 2)
     here = os.getpid()
 
     def do(i: int) -> None:
@@ -122,7 +117,6 @@ def test_processes_end_by_a_signal_at_once(monkeypatch: pytest.MonkeyPatch, tmp_
 def test_a_process_that_hangs_is_not_waited_for_long(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(threads, "cores", lambda: 2)
     monkeypatch.setattr(processes, "_PATIENCE", 0.1)
     here = os.getpid()
 
@@ -168,7 +162,6 @@ def _until(met: Callable[[], bool]) -> None:
 
 def test_no_process_is_forked_beside_jax(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(processes, "_WITH_THREADS", ("jaxlib",))
-    monkeypatch.setattr(threads, "cores", lambda: 2)
     monkeypatch.setitem(sys.modules, "jaxlib", sys)
     seen: list[int] = []
     processes.for_each(range(3), lambda i: seen.append(os.getpid()))

@@ -40,6 +40,7 @@ from bowstring.robot.reader import load_robot, robot_names, robot_schema
 ROOT = Path(__file__).parent.parent
 BUILT_IN = ROOT / "python" / "bowstring" / "robot" / "builtin"
 AMOURI = (BUILT_IN / "amouri2019.yaml").read_text(encoding="utf-8")
+LENGTH = units.Quantity("m", "641 mm", "0 m", "1 km")
 GOOD = """
 segments:
   - length: 200 mm
@@ -366,12 +367,11 @@ def test_spellings_of_units(load, field, text, value):
 
 @given(st.integers(1, 10**9))
 def test_every_unit_gives_the_same_float(micrometres):
-    quantity = units.Quantity("m", "641 mm", "0 m", "1 km")
     exact = micrometres / 10**6
     for unit, power in (("um", 0), ("mm", 3), ("cm", 4), ("m", 6)):
         digits = f"{micrometres:010d}"
         text = f"{digits[:-power]}.{digits[-power:]}" if power else digits
-        assert quantity.read(f"{text} {unit}") == exact
+        assert LENGTH.read(f"{text} {unit}") == exact
 
 
 @given(st.floats(1e-6, 1e3))
@@ -385,9 +385,8 @@ def test_round_trip_of_numbers_with_units(value):
 @given(st.text(max_size=30))
 @settings(max_examples=300, deadline=None)
 def test_any_text_is_read_or_refused_with_a_sentence(text):
-    quantity = units.Quantity("m", "641 mm", "0 m", "1 km")
     try:
-        value = quantity.read(text)
+        value = LENGTH.read(text)
     except PydanticCustomError as error:
         message = str(error)
         assert message.startswith("got ") and message.isprintable() and len(message) < 250
@@ -405,7 +404,7 @@ def test_rare_unit_text_cannot_make_pint_compute():
         "1 " + "m*" * 99,
     ):
         with pytest.raises(PydanticCustomError, match="is not a unit"):
-            units.Quantity("m", "641 mm", "0 m", "1 km").read(text)
+            LENGTH.read(text)
 
 
 @pytest.mark.parametrize(
@@ -422,10 +421,9 @@ def test_rare_unit_text_cannot_make_pint_compute():
     ids=range(7),
 )
 def test_hostile_text_is_refused_at_once(text):
-    quantity = units.Quantity("m", "641 mm", "0 m", "1 km")
     start = time.process_time()
     with pytest.raises(PydanticCustomError) as caught:
-        quantity.read(text)
+        LENGTH.read(text)
     assert time.process_time() - start < 2.0
     assert len(str(caught.value)) < 250
 
@@ -686,11 +684,10 @@ def test_yaml_guesses_do_not_happen(load):
     assert len(robot.disks.mass_kg) == 10
 
 
-def test_a_misspelt_file_is_suggested(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_misspelt_file_is_suggested(here):
     Path("mine.yaml").write_text("")
     Path("notes.txt").write_text("")
-    for wrong in ("mine.yml", tmp_path / "mine.ymal"):
+    for wrong in ("mine.yml", here / "mine.ymal"):
         near = Path(wrong).with_name("mine.yaml")
         with pytest.raises(InputError, match=f"did you mean {re.escape(str(near))}[?] built in"):
             load_robot(wrong)

@@ -11,7 +11,7 @@ import pytest
 import scipy.stats
 
 import bowstring as bs
-from bowstring.errors import InputError, NoSolutionError
+from bowstring.errors import NoSolutionError
 from bowstring.uncertainty import (
     Distributions,
     MorrisDesign,
@@ -25,6 +25,7 @@ from bowstring.uncertainty import (
     read_distributions,
     sobol_indices,
 )
+from objects import refused
 
 A, B = 7.0, 0.1
 
@@ -251,8 +252,7 @@ def test_bad_designs_and_outputs(cube: Distributions) -> None:
         (lambda: evaluate(lambda x: x[:5], design), r"shape \(5, 3\) for 160 samples, it must ret"),
     ]
     for make, message in cases:
-        with pytest.raises(InputError, match=message):
-            make()
+        refused(message, make)
 
 
 # -- Morris ---------------------------------------------------------------------------------------

@@ -94,14 +94,13 @@ def test_other_figures_are_saved(tmp_path: Path) -> None:
 
 
 def test_results_are_printed_without_their_figure(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("bowstring.validity.figures.draw", fails)
     with pytest.warns(FigureWarning, match="the figure is left out"):
         found = shell.json("map", "amouri2019", "--over", "E=30 GPa:40 GPa:2", "--points", "2")
     assert found["file"] is None and found["text"]
-    assert list(tmp_path.iterdir()) == []
+    assert list(here.iterdir()) == []
 
 
 def test_a_file_that_cannot_be_written_is_an_error() -> None:

@@ -23,8 +23,8 @@ from bowstring.robot.model import Robot, check_round
 from bowstring.robot.sizes import part_names
 from bowstring.statics.fields import Section
 from bowstring.statics.model import RodModel
+from bowstring.viz.colours import rgb
 from bowstring.viz.gltf_file import INDICES, GltfArrays, glb
-from bowstring.viz.style import LIGHT
 from bowstring.viz.vtk import check_data, check_stations, circle, holes
 
 if TYPE_CHECKING:
@@ -334,8 +334,7 @@ def _matrices(quaternions: Floats) -> Floats:
 
 
 def _material(name: str, colour: str, *, clear: bool = False) -> Mapping[str, Any]:
-    text = LIGHT[colour].lstrip("#")
-    srgb = np.array([int(text[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0
+    srgb = np.array(rgb(colour)) / 255.0
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     rough = {"metallicFactor": 0.0, "roughnessFactor": 0.7}
     alpha = 0.5 if clear else 1.0

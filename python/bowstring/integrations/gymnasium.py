@@ -104,35 +104,31 @@ class _Task:
 
     def reset(self, which: Ints, randoms: Sequence[np.random.Generator]) -> None:
         """Draw start and target of some environments, each from its own generator."""
-        left = which
-        for _ in range(_REDRAWS):
-            rows = [randoms[i].uniform(0.0, self.top, self.tendons) for i in left]
-            state = self.motions.reset(left, rows)
-            left = left[~state.moving[left]]
-            if len(left) == 0:
-                break
-        else:
-            raise InputError(self._no_equilibria())
-        left = which
-        for _ in range(_REDRAWS):
-            rows = [randoms[i].uniform(0.0, self.top, self.tendons) for i in left]
+
+        def begins(left: Ints, rows: list[Floats]) -> Bools:
+            return self.motions.reset(left, rows).moving[left]
+
+        def with_target(left: Ints, rows: list[Floats]) -> Bools:
             found = solve_batch(
                 self.robot, rows, load=self.motions.load, model=self.motions.model, disks=False
             )
-            good = found.converged & np.array([bool(stable) for stable in found.stable])
+            good: Bools = found.converged & np.array([bool(stable) for stable in found.stable])
             self.targets[left[good]] = found.tip_position[good]
-            left = left[~good]
-            if len(left) == 0:
-                break
-        else:
-            raise InputError(self._no_equilibria())
-        self.taken[which] = 0
+            return good
 
-    def _no_equilibria(self) -> str:
-        return (
-            f"{self.robot.name} has hardly any stable equilibrium at tensions up to "
-            f"{self.top:g} N; give a smaller max_tension"
-        )
+        for reached in (begins, with_target):
+            left = which
+            for _ in range(_REDRAWS):
+                rows = [randoms[i].uniform(0.0, self.top, self.tendons) for i in left]
+                left = left[~reached(left, rows)]
+                if len(left) == 0:
+                    break
+            else:
+                raise InputError(
+                    f"{self.robot.name} has hardly any stable equilibrium at tensions up to "
+                    f"{self.top:g} N; give a smaller max_tension"
+                )
+        self.taken[which] = 0
 
     def tensions(self, actions: Any, shape: tuple[int, ...]) -> Floats:
         """Tensions of actions, limited to the action space."""

@@ -35,7 +35,7 @@ from bowstring.statics.load import Load
 from bowstring.statics.rod import solve
 from bowstring.statics.solution import Solution
 from bowstring.validation import row, share_of_length, whole
-from bowstring.viz.style import LIGHT
+from bowstring.viz.colours import rgb
 from bowstring.viz.vtk import check_data, check_stations
 
 if TYPE_CHECKING:
@@ -212,9 +212,7 @@ class LiveView:
             raise
         self.robots: tuple[LiveRobot, ...] = tuple(made)
         if measured is not None and len(measured):
-            scene.add_point_cloud(
-                "/measured", measured, _colour("green"), point_size=0.008 * longest
-            )
+            scene.add_point_cloud("/measured", measured, rgb("green"), point_size=0.008 * longest)
         camera = self._server.initial_camera
         camera.position = (1.2 * longest, -1.8 * longest, 1.1 * longest)
         camera.look_at = (0.0, 0.35 * longest * (len(shown) - 1), 0.4 * longest)
@@ -237,11 +235,6 @@ class LiveView:
             player.stop()
         with redirect_stdout(StringIO()):
             self._server.stop()
-
-
-def _colour(name: str) -> tuple[int, int, int]:
-    text = LIGHT[name]
-    return int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)
 
 
 class _Body:
@@ -268,10 +261,10 @@ class _Body:
             f"{path}/backbone",
             self._tube(line, turns),
             _tube_faces(len(line)),
-            color=_colour("ink"),
+            color=rgb("ink"),
         )
         self._disks = scene.add_mesh_simple(
-            f"{path}/disks", self._solids(straight, turns), disk_faces, color=_colour("muted")
+            f"{path}/disks", self._solids(straight, turns), disk_faces, color=rgb("muted")
         )
         spans = self._spans(straight, turns)
         self._owner = np.repeat(np.arange(len(spans)), [len(s) for s in spans])
@@ -307,7 +300,7 @@ class _Body:
 
     def _hues(self, slack: Sequence[int]) -> NDArray[np.uint8]:
         loose = np.isin(self._owner, np.asarray(slack, dtype=int) - 1)
-        each = np.where(loose[:, None], _colour("purple"), _colour("ink"))
+        each = np.where(loose[:, None], rgb("purple"), rgb("ink"))
         return np.repeat(each[:, None], 2, axis=1).astype(np.uint8)
 
 
@@ -377,7 +370,7 @@ class LiveRobot:
             f"{path}/constant curvature",
             self._arc_tube(line[:, None] * [0.0, 0.0, robot.length]),
             _tube_faces(len(line)),
-            color=_colour("red"),
+            color=rgb("red"),
             opacity=0.45,
         )
         gui = server.gui

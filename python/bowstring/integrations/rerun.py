@@ -12,7 +12,7 @@ from bowstring.aliases import Progress
 from bowstring.files.atomic_io import check_file, write_whole_file
 from bowstring.optional import load_extra
 from bowstring.robot.model import Robot
-from bowstring.viz.style import LIGHT
+from bowstring.viz.colours import rgb
 from bowstring.viz.vtk import check_data, holes
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def _record(rerun: Any, robot: Robot, data: xr.Dataset, file: Path, notify: Prog
     disks = robot.disks
     diameters = [s.backbone.diameter or 0.01 * robot.length for s in robot.segments]
     lengths = np.maximum(disks.thickness_m, 2e-3 * robot.length)
-    colours = [_colour(_HUES[i % len(_HUES)]) for i in disks.segment[robot.tendons.end_disk]]
+    colours = [rgb(_HUES[i % len(_HUES)]) for i in disks.segment[robot.tendons.end_disk]]
     line = data["position"].to_numpy()
     position, rotation = data["disk_position"].to_numpy(), data["disk_rotation"].to_numpy()
     paths = holes(robot, data)
@@ -97,7 +97,7 @@ def _record(rerun: Any, robot: Robot, data: xr.Dataset, file: Path, notify: Prog
         recording.set_time("time", duration=float(time))
         recording.log(
             "robot/backbone",
-            rerun.LineStrips3D([line[k]], radii=0.5 * min(diameters), colors=_colour("ink")),
+            rerun.LineStrips3D([line[k]], radii=0.5 * min(diameters), colors=rgb("ink")),
         )
         recording.log(
             "robot/disks",
@@ -106,7 +106,7 @@ def _record(rerun: Any, robot: Robot, data: xr.Dataset, file: Path, notify: Prog
                 radii=disks.radius_m,
                 centers=position[k],
                 quaternions=Rotation.from_matrix(rotation[k]).as_quat(),
-                colors=_colour("muted"),
+                colors=rgb("muted"),
                 fill_mode="solid",
             ),
         )
@@ -118,8 +118,3 @@ def _record(rerun: Any, robot: Robot, data: xr.Dataset, file: Path, notify: Prog
         notify(_WHAT, (k + 1) / len(times))
     recording.flush()
     recording.disconnect()
-
-
-def _colour(name: str) -> tuple[int, int, int]:
-    text = LIGHT[name]
-    return int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)

@@ -18,3 +18,9 @@ COLOURS: Final = {
     "yellow": ("#e3cf00", "#f0e442"),
 }
 """Value of each colour on a light and on a dark background."""
+
+
+def rgb(name: str) -> tuple[int, int, int]:
+    """Red, green and blue of a colour on a light background, from 0 to 255."""
+    text = COLOURS[name][0]
+    return int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)
