@@ -16,6 +16,17 @@ def two_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threads, "cores", lambda: 2)
 
 
+def work_until_ended(item: int, ended: list[int]) -> None:
+    """Ten seconds of work that checks whether it is ended, and then notes the item."""
+    try:
+        for _ in range(2000):
+            time.sleep(0.005)
+            threads.check()
+    except CancelledError:
+        ended.append(item)
+        raise
+
+
 def test_results_keep_the_order_and_are_counted() -> None:
     seen: list[int] = []
 
@@ -45,20 +56,11 @@ def test_an_exception_ends_the_tasks_of_others(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(threads, "cores", lambda: 4)
     ended: list[int] = []
 
-    def inner(item: int) -> None:
-        try:
-            for _ in range(2000):
-                time.sleep(0.005)
-                threads.check()
-        except CancelledError:
-            ended.append(item)
-            raise
-
     def outer(item: int) -> None:
         if item == 0:
             time.sleep(0.1)
             raise ValueError
-        threads.results(inner, range(2))
+        threads.results(lambda part: work_until_ended(part, ended), range(2))
 
     with pytest.raises(ValueError):
         threads.results(outer, range(2))
@@ -88,13 +90,7 @@ def test_an_exception_ends_the_others(from_notify: bool) -> None:
             if not from_notify:
                 raise KeyboardInterrupt
             return 0
-        try:
-            for _ in range(2000):
-                time.sleep(0.005)
-                threads.check()
-        except CancelledError:
-            ended.append(item)
-            raise
+        work_until_ended(item, ended)
         return item
 
     def stop(done: int) -> None:

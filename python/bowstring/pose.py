@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
 from bowstring.aliases import Floats
 from bowstring.results import Key, Result
 
@@ -30,3 +32,13 @@ class Pose(Result):
         """Compose with `other`; leading dimensions broadcast."""
         moved = (self.rotation @ other.position[..., None])[..., 0]
         return Pose(self.position + moved, self.rotation @ other.rotation)
+
+
+def nearest_rotation(overlap: Floats) -> Floats:
+    """Rotations (..., 3, 3) with the largest inner products with matrices.
+
+    Least squares without reflection (Kabsch, Acta Cryst. A32, 1976; Umeyama 1991).
+    """
+    u, _, vt = np.linalg.svd(overlap)
+    u[..., 2] *= np.linalg.det(u @ vt)[..., None]
+    return np.asarray(u @ vt)

@@ -99,8 +99,9 @@ def cross_validate(
     Notes
     -----
     The fits end where the cost changes by less than a part in 10 000, which changes the errors of
-    the rows left out by far less than their standard error. Those with a memory begin with the same
-    derivatives, update them, and end by new ones; these folds run side by side.
+    the rows left out by far less than their standard error. Fits with a memory begin with the
+    same derivatives, update them, and compute new ones at the end; they run at the same time on
+    several cores.
     """
     robot, again = found.robot, found.again
     if start is not None:

@@ -51,7 +51,8 @@ _MEMBER: Final = 0.1
 _EXCESS: Final = 1.5
 #: Blocks of rows with dependent residuals, each of which a fit to the others predicts.
 _BLOCKS: Final = 5
-#: Largest number of rows of statics; each stores its solution and derivatives, up to 0.25 MB.
+#: Largest number of rows of statics; each stores its solution and derivatives, with 30 modules 0.5
+#: MB.
 _MOST_ROWS: Final = 10_000
 #: Share of rows without an equilibrium at the end above which a fit has not converged.
 _MOST_LOST: Final = 0.05
@@ -478,7 +479,6 @@ def fit_from(
     line, shared = getattr(data, "line", None), near.shared if near else None
     of_others = {k: v for k, v in deviations.items() if not _is_friction(k)}
     again = partial(fit, data=data, rows=rows, loss=loss, model=rod, priors=of_others)
-
     passes: list[int] = []
 
     def attempt(start: Mapping[str, float]) -> tuple[Search, Any] | BowstringError:

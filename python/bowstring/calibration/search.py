@@ -80,8 +80,11 @@ def robust(loss: Loss, turn: float, count: int) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Nearby:
-    """A fit to nearly the same rows as others, which begin at the same values: the folds of a
-    cross-validation. Those whose first residuals are as small begin near their end."""
+    """A fit to nearly the same rows as other fits, such as those of a cross-validation.
+
+    The others begin at the same values; those whose first residuals are as small as its noise
+    begin near their end.
+    """
 
     noise: float
     """Its noise, m."""
@@ -136,9 +139,9 @@ class Residuals:
         self.high = np.array([item.high for item in self.items]) / self.step
         self._last: tuple[Floats, Prediction] | None = None
         self._tangent: _Tangent | None = None
-        #: Whether derivatives that take long are updated, not renewed, after a step: with friction,
-        #: and with another memory near the end of a search.
+        #: Whether derivatives that take long are updated, not renewed, after a step.
         self.corrects = True
+        #: Whether the search began near its end; derivatives of all memories then take long.
         self.near_end = False
         #: Why the robot refused a step of the last descent; empty if it refused none.
         self.refused = ""
@@ -351,9 +354,8 @@ class Residuals:
 class Search:
     """Search for the lowest minimum of a fit, with the scales of loss and priors.
 
-    Residuals of the priors stand behind those of the data. Where a search begins with
-    residuals as small as those of a fit to nearly the same rows, their scale is that of the loss,
-    and the search ends at a larger tolerance of the cost.
+    Residuals of the priors stand behind those of the data. A search that begins near its end takes
+    the scale of the loss from its first residuals, and ends at a larger tolerance of the cost.
     """
 
     def __init__(
@@ -393,14 +395,14 @@ class Search:
             self.work.corrects = False  # a search that has not ended yet needs new derivatives
             self.work.jacobian(found.x, renew=True)
         for _ in range(_RESCALES):  # outliers may widen the scale at first
-            if not self._rescale(found) and (self.options is fine or self._is_near(found)):
+            if not self._rescale(found) and (self.options is fine or self._has_ended(found)):
                 break
             self.options = fine
             found = self._descend(found.x)
         return self._settled(self._lowest(found))
 
-    def _is_near(self, found: Any) -> bool:
-        """Whether a search near the end of another one has ended, by new derivatives."""
+    def _has_ended(self, found: Any) -> bool:
+        """Whether a search that began near its end has ended, by new derivatives."""
         if not self.work.near_end:
             return False
         self.work.jacobian(found.x, renew=True)
@@ -523,7 +525,7 @@ class Search:
                 break
             self.work.jacobian(found.x, renew=True)
             least = _SETTLED * len(found.x) * self.work.variance(found.cost)
-            if self.decrease(found) <= least or self._is_near(found):
+            if self.decrease(found) <= least or self._has_ended(found):
                 break
             better = self._descend(found.x)
             stuck = better.cost > self._clearly_below(found.cost)

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from bowstring.aliases import Floats
 from bowstring.constant_curvature.series import series_jacobian, series_pose
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.pose import Pose
+from bowstring.pose import Pose, nearest_rotation
 from bowstring.validation import floats, floats_or_refuse, is_whole, shown
 
 _STARTS: Final = np.linspace(-4.0 * np.pi, 4.0 * np.pi, 51)  # initial bends, rad
@@ -509,9 +509,7 @@ def _turned_start(target: Floats, fraction: Floats, m: int, planar: bool) -> tup
     overlap = np.swapaxes(target, 1, 2) @ _along(frame, bend, fraction).position
     if planar:
         return _with_columns(_rotation_part(overlap[..., [0, 2]])) @ frame, bend
-    u, _, v = np.linalg.svd(overlap)
-    u[..., 2] *= np.linalg.det(u @ v)[:, None]
-    return u @ v @ frame, bend
+    return nearest_rotation(overlap) @ frame, bend
 
 
 def _frame_along(z: Floats, planar: bool) -> Floats:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from bowstring.aliases import Floats
 from bowstring.errors import InputError
+from bowstring.pose import nearest_rotation
 from bowstring.results import Key, Result
 from bowstring.validation import numbers, shown, vectors
 
@@ -135,15 +136,14 @@ class Rigid(Result):
 def align(points: Floats, targets: Floats, weight: Floats | None = None) -> Rigid:
     """Fit the rigid motion of points (K, 3) to targets (K, 3).
 
-    Weighted least squares without reflection (Kabsch, Acta Cryst. A32, 1976; Umeyama 1991). For
-    collinear points the rotation is not unique, and one solution is returned.
+    Weighted least squares without reflection. For collinear points the rotation is not unique, and
+    one solution is returned.
     """
     middle, target = (np.average(each, axis=0, weights=weight) for each in (points, targets))
     if len(points) == 1:
         return Rigid(np.eye(3), target - middle)
     weighted = targets - target if weight is None else weight[:, None] * (targets - target)
-    u, _, vt = np.linalg.svd(weighted.T @ (points - middle))
-    matrix = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    matrix = nearest_rotation(weighted.T @ (points - middle))
     return Rigid(matrix, target - matrix @ middle)
 
 
