@@ -116,15 +116,14 @@ class Settings:
 
     @property
     def judged(self) -> str:
-        """Actuated tendons, and of how many combinations none leaves the tolerance earlier, as a
-        share of its range of tension."""
+        """Actuated tendons, and of how many combinations they leave the tolerance earliest, as a
+        share of the range of tension."""
         if self.tried < 2:
             return self.actuated
         alone = self.tried == len(self.shares)
-        of = f"{self.tried} {'' if alone else 'combinations of '}tendons"
-        none = f"of {of}, none exceeds the tolerance at less tension"
-        other = f"of {of}, another exceeds the tolerance at less tension from one input"
-        return f"{self.actuated} ({other if self.earlier else none})"
+        worst = f"the worst of {self.tried} {'' if alone else 'combinations of '}tendons"
+        other = "; from one input another exceeds the tolerance earlier"
+        return f"{self.actuated} ({worst}{other if self.earlier else ''})"
 
     @property
     def actuated_alone(self) -> bool:

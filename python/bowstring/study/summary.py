@@ -232,7 +232,7 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     loop = actuation.loops[0]
     if _enough(study, int(np.isfinite(loop.apart).sum())):
         at = significant(loop.widest_at)
-        parts.append(f"tips differ most, by {in_mm(loop.width)}, at {at} N")
+        parts.append(f"loading and unloading differ most, by {in_mm(loop.width)}, at {at} N")
     assumed = " (assumed)" if actuation.friction_assumed else ""
     if parts:
         yield f"Friction {actuation.friction:.3g}{assumed}", "; ".join(parts)

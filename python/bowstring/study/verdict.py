@@ -327,9 +327,9 @@ def _answer(m: Meaning, top: float) -> str:
         return f"{words}."
     cause = m.largest_contribution
     if cause is not None:
-        part = "because it ignores that" if m.dominant_cause else "in part because it ignores that"
+        part = "because it ignores" if m.dominant_cause else "in part because it ignores"
         named = [s for s in m.shares if s.share > 0.5 * cause.share]
-        words += f", {part} {listed([EFFECTS[s.effect].because for s in named])}"
+        words += f", {part} {listed([f'that {EFFECTS[s.effect].because}' for s in named])}"
     fit, end = m.polynomial, m.polynomial_to or 0.0
     if fit is not None and not m.corrected_serves:
         if end > (m.valid_to or 0.0):

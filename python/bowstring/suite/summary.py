@@ -63,7 +63,7 @@ class Suite(Result):
         sets = f"each of {many} robots" if many > 1 else "one robot"
         return (
             f"For {sets}, rod model and constant curvature were calibrated on some measurements; "
-            f"on the others, constant curvature errs {text} times as much as the rod model."
+            f"on the remaining ones, constant curvature errs {text} times as much as the rod model."
         )
 
 
