@@ -62,8 +62,8 @@ class Suite(Result):
         text = f"{number(low, 2)} to {number(high, 2)}" if many > 1 else number(low, 2)
         sets = f"each of {many} robots" if many > 1 else "one robot"
         return (
-            f"For {sets}, rod model and constant curvature were calibrated on some measurements; "
-            f"on the remaining ones, constant curvature errs {text} times as much as the rod model."
+            f"For {sets}, rod model and constant curvature were calibrated on one part of the "
+            f"measurements; on the other part, constant curvature errs {text} times as much as the rod model."
         )
 
 
