@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bowstring import RodModel
+from bowstring import Load, RodModel
+from bowstring._core import PathStates
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import Commands, TipModel
 from bowstring.robot.model import Robot
+from bowstring.statics import actuation
 from test_calibration_fitting import made_up_displacements, three_segments
 from test_calibration_initial_state import MEMORIES, ROBOT, course
 
@@ -137,6 +139,35 @@ def test_derivatives_beside_a_row_without_equilibrium() -> None:
     found = model.jacobian(values, at)[at.solved, :, 0]
     apart = one_sided(model, values, 0, 1e-4 * model.unknowns.items[0].step)[at.solved]
     np.testing.assert_allclose(found, apart, rtol=0, atol=2e-3 * np.abs(apart).max())
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_path_from_the_states_of_another_is_that_from_home(law: str) -> None:
+    robot, fitted = with_law(law)
+    rows = made_up_displacements(40)
+    rows[20] = 0.05  # no backbone is compressed by as much
+    commands = Commands(np.ones(rows.shape, bool), rows, np.linspace(0.0, 20.0, len(rows)))
+    unknowns = Unknowns(robot, [*OTHERS, *fitted], START)
+    model = TipModel(unknowns, commands, RodModel(), (14, 29))
+    steps = np.array([item.step for item in unknowns.items])
+    for change in (0.0, 0.1, -0.1, 1e-4, 0.0):
+        values = unknowns.start + change * steps
+        found = model.predict(values)
+        home = TipModel(unknowns, commands, RodModel(), (14, 29)).predict(values)
+        np.testing.assert_array_equal(found.solved, home.solved)
+        assert 38 <= found.solved.sum() < 40
+        np.testing.assert_allclose(found.points, home.points, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(found.tensions, home.tensions, rtol=0, atol=1e-8)
+
+
+def test_the_states_of_another_path_save_iterations() -> None:
+    robot, _ = with_law("friction")
+    held, rows = np.ones((40, 9), bool), made_up_displacements(40)
+    core = actuation.Path(robot, RodModel(elements=1)).core
+    home = core.follow(held, rows, Load(), False, None, None, PathStates())
+    core.reset()
+    again = core.follow(held, rows, Load(), False, None, None, home["states"])
+    assert again["iterations"].sum() < 0.2 * home["iterations"].sum()
 
 
 @pytest.mark.parametrize("law", ["none", "hysteresis"])

@@ -101,6 +101,10 @@ class RobotArcs:
     ) -> tuple[Floats, Floats]: ...
 
 @final
+class PathStates:
+    def __new__(cls) -> PathStates: ...
+
+@final
 class PathSolver:
     def __new__(
         cls,
@@ -127,6 +131,7 @@ class PathSolver:
         disks: bool,
         threads: int | None,
         durations: Floats | None = None,
+        near: PathStates | None = None,
     ) -> dict[str, Any]: ...
     def follow_perturbed(
         self,
@@ -136,6 +141,7 @@ class PathSolver:
         disks: bool,
         perturbed: Sequence[tuple[PathSolver, Floats]],
         durations: Floats | None = None,
+        near: PathStates | None = None,
     ) -> list[dict[str, Any]]: ...
     def history(self) -> dict[str, Any]: ...
     def resume(self, history: Mapping[str, NDArray[Any]]) -> None: ...

@@ -49,7 +49,7 @@ mod _core {
     #[pymodule_export]
     use crate::motions::Motions;
     #[pymodule_export]
-    use crate::path::{follow_designs, PathSolver};
+    use crate::path::{follow_designs, PathSolver, PathStates};
     #[pymodule_export]
     use crate::robot_arcs::RobotArcs;
     #[pymodule_export]

@@ -22,6 +22,20 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::array::from_fn;
 
+/// States of a path after its rows, from which it is followed again for slightly other numbers;
+/// none at first.
+#[pyclass(module = "bowstring._core", frozen)]
+#[derive(Default)]
+pub struct PathStates(Vec<Option<path::History>>);
+
+#[pymethods]
+impl PathStates {
+    #[new]
+    fn new() -> Self {
+        PathStates::default()
+    }
+}
+
 /// A robot that is actuated through its tendons, along a path.
 #[pyclass(module = "bowstring._core")]
 pub struct PathSolver {
@@ -142,8 +156,10 @@ impl PathSolver {
     /// Many steps: each from the one before or, with `threads` (0: one for each core), each from
     /// the present state of the path. Arrays of n rows; the load may have one row. Durations are the
     /// times from the row before to each row (s), zero by default.
+    /// With `near` a path is followed from the states of another one of slightly other numbers, and
+    /// its own ones are returned.
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (by_displacement, commands, load, disks, threads, durations=None))]
+    #[pyo3(signature = (by_displacement, commands, load, disks, threads, durations=None, near=None))]
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
@@ -153,6 +169,7 @@ impl PathSolver {
         disks: bool,
         threads: Option<usize>,
         durations: Option<PyReadonlyArray1<'py, f64>>,
+        near: Option<&PathStates>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let robot = self.robot.clone_ref(py);
         let core = &robot.get().inner;
@@ -168,6 +185,7 @@ impl PathSolver {
             loads: loads.borrow(),
             by_displacement: &by_displacement,
             durations: &durations,
+            near: near.map(|near| &near.0[..]),
         };
         let path = &mut self.inner;
         let found = interruptible(py, || match threads {
@@ -181,7 +199,7 @@ impl PathSolver {
     /// Many steps of this path, and of perturbed ones beside it with their own commands; returns
     /// the former and then the latter, whose solvers stay as they are. The rest as for `follow`.
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (by_displacement, commands, load, disks, perturbed, durations=None))]
+    #[pyo3(signature = (by_displacement, commands, load, disks, perturbed, durations=None, near=None))]
     fn follow_perturbed<'py>(
         &mut self,
         py: Python<'py>,
@@ -191,6 +209,7 @@ impl PathSolver {
         disks: bool,
         perturbed: Vec<(PyRef<'py, PathSolver>, PyReadonlyArray2<'py, f64>)>,
         durations: Option<PyReadonlyArray1<'py, f64>>,
+        near: Option<&PathStates>,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let robot = self.robot.clone_ref(py);
         let core = &robot.get().inner;
@@ -206,6 +225,7 @@ impl PathSolver {
             loads,
             by_displacement: &by_displacement,
             durations: &durations,
+            near: None,
         };
         let own = OwnLoads::new(core, commands, &load)?;
         let (paths, loads): (Vec<_>, Vec<_>) = perturbed
@@ -218,9 +238,13 @@ impl PathSolver {
             .collect::<PyResult<_>>()?;
         let rows = loads.iter().map(|loads| steps(loads.borrow()));
         let mut perturbed: Vec<_> = paths.into_iter().zip(rows).collect();
+        let nominal = Steps {
+            near: near.map(|near| &near.0[..]),
+            ..steps(own.borrow())
+        };
         let path = &mut self.inner;
         let found = interruptible(py, || {
-            path_batch::follow_perturbed(path, &steps(own.borrow()), &mut perturbed, disks)
+            path_batch::follow_perturbed(path, &nominal, &mut perturbed, disks)
         })?
         .map_err(input_error)?;
         found
@@ -386,6 +410,7 @@ pub fn follow_designs<'py>(
         loads: loads.borrow(),
         by_displacement: &by_displacement,
         durations: &[],
+        near: None,
     };
     let designs = Designs {
         robots: &robots,
@@ -487,5 +512,8 @@ fn arrays<'py>(
         }
     }
     out.set_item("conflicts", conflicts)?;
+    if !found.states.is_empty() {
+        out.set_item("states", PathStates(found.states))?;
+    }
     Ok(out)
 }

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import threads
-from bowstring._core import Linearised
+from bowstring._core import Linearised, PathStates
 from bowstring.aliases import Bools, Floats, Ints
 from bowstring.calibration.parameters import TENDON_PROPERTIES, Setting, Unknown, Unknowns
 from bowstring.calibration.pieces import Pieces
@@ -191,6 +191,9 @@ class Prediction:
         Tensions (N) and slack lengths (m) by statics.
     disks : tuple of int
         Disks of the measured points, from 0; empty for the end disk alone.
+    states : tuple of PathStates
+        States along the paths of a robot with a memory, near which those of the next prediction are
+        sought.
     moved : dict of Moved
         Predictions with another value of a parameter, by its number; computed on demand, and shared
         with predictions that differ in the frames.
@@ -206,6 +209,7 @@ class Prediction:
     tensions: Floats | None = None
     slack: Floats | None = None
     disks: tuple[int, ...] = ()
+    states: tuple[PathStates, ...] = ()
     moved: dict[int, Moved] = field(default_factory=dict, repr=False)
     columns: list[_Column] = field(default_factory=list, repr=False, init=False)
 
@@ -316,6 +320,7 @@ class TipModel:
         self.solves = 0
         self.shared = shared
         self._last: dict[bytes, Prediction] = {}
+        self._near = tuple(PathStates() for _ in commands.paths)
 
     def predict(self, values: Floats, *, keep: bool = False) -> Prediction:
         """Predict the poses of the disks for values (P,) of the parameters.
@@ -337,6 +342,7 @@ class TipModel:
                 self._last = {key: known}
         if keep and self.shared is not None and not self.shared:
             self.shared[key] = known
+        self._near = known.states or self._near
         return replace(known, setting=setting)
 
     def _predicted(self, values: Floats, setting: Setting, keep: bool) -> Prediction:
@@ -491,6 +497,7 @@ class TipModel:
             tensions=at["tensions"],
             slack=at["slack_lengths"],
             disks=self.disks,
+            states=at["states"],
         )
 
     def _follow(
@@ -504,7 +511,8 @@ class TipModel:
         for number, rows in enumerate(paths):
             core.reset()
             held, values, late = self._steps(number, rows, setting, given)
-            found.append(core.follow(held, values, _NO_LOAD, disks, cores, late))
+            near = self._near[number] if robot.has_memory else None
+            found.append(core.follow(held, values, _NO_LOAD, disks, cores, late, near))
         return _joined(found, paths, disks=disks)
 
     def _steps(
@@ -644,9 +652,8 @@ class TipModel:
             # a perturbed robot may be viscoelastic where the nominal one is not
             late = next((each for each in durations if each is not None), None)
             cores[0].reset()
-            found.append(
-                cores[0].follow_perturbed(held[0], values[0], _NO_LOAD, below, perturbed, late)
-            )
+            follow, near = cores[0].follow_perturbed, self._near[number]
+            found.append(follow(held[0], values[0], _NO_LOAD, below, perturbed, late, near))
         paths = self.commands.paths
         return [_joined(each, paths, disks=below) for each in zip(*found, strict=True)]
 
@@ -727,9 +734,9 @@ def _bends_of_tendons(robot: Robot, rotations: Floats) -> Floats:
 
 
 def _joined(
-    found: Sequence[Mapping[str, Floats]], paths: list[Ints], *, disks: bool
-) -> dict[str, Floats]:
-    """Arrays of all rows from those of each path, without a row before the first one."""
+    found: Sequence[Mapping[str, Any]], paths: list[Ints], *, disks: bool
+) -> dict[str, Any]:
+    """Arrays of all rows from those of each path, without a row before the first one; states."""
     names = ["tip_position", "tip_rotation", "converged", "tensions", "slack_lengths"]
     names += ["disk_positions", "disk_rotations"] * disks
     back = np.argsort(np.concatenate(paths))
@@ -738,7 +745,8 @@ def _joined(
         each = zip(found, paths, strict=True)
         return np.concatenate([at[name][len(at[name]) - len(own) :] for at, own in each])
 
-    return {name: rows(name)[back] for name in names}
+    states = tuple(at["states"] for at in found if "states" in at)
+    return {name: rows(name)[back] for name in names} | {"states": states}
 
 
 def _table(solutions: list[Any], solved: Bools, name: str, *shape: int) -> Floats:

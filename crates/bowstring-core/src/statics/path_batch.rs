@@ -17,7 +17,7 @@ use crate::statics::designs::{rows_each, ROBOTS};
 use crate::statics::loads::Loads;
 use crate::statics::path::{Command, Line, PathOutcome, PathSolver};
 use crate::statics::solver::{Outcome, Status};
-use crate::tendon::Transmission;
+use crate::tendon::{History, Transmission};
 
 /// Commands of all tendons: the displacement (m) of those with `by_displacement`, the tension (N)
 /// of the others.
@@ -62,6 +62,9 @@ pub struct Steps<'a> {
     pub by_displacement: &'a [bool],
     /// Time from the row before to each row (s), for relaxation and creep; empty for zero.
     pub durations: &'a [f64],
+    /// States after the rows of a path of slightly other numbers, as far as known: a few Newton
+    /// steps lead from there to those of this path, which are kept then. `None` keeps none.
+    pub near: Option<&'a [Option<History>]>,
 }
 
 impl<'a> Steps<'a> {
@@ -75,6 +78,11 @@ impl<'a> Steps<'a> {
     /// Time from the row before to a row (s).
     fn duration(&self, i: usize) -> f64 {
         self.durations.get(i).copied().unwrap_or(0.0)
+    }
+
+    /// State near that after a row, where known.
+    fn near(&self, i: usize) -> Option<History> {
+        self.near?.get(i)?.clone()
     }
 
     /// Checks every row; the error names the first invalid one, counted from 0.
@@ -122,6 +130,8 @@ pub struct PathSolutions {
     pub span_tensions: Vec<f64>,
     /// Further results of each row.
     pub details: Vec<Detail>,
+    /// States after the rows that converged; empty where [`Steps::near`] keeps none.
+    pub states: Vec<Option<History>>,
 }
 
 /// Solves steps in sequence, each from the state after the one before.
@@ -136,6 +146,7 @@ pub fn follow(
     steps.check(path)?;
     let count = steps.loads.count;
     let mut solutions = PathSolutions::pending(path.robot(), count, disks)?;
+    solutions.keep_states(steps);
     for part in &mut solutions.parts(path.robot(), count.max(1)) {
         part.fill(steps, path, |_| ());
     }
@@ -190,6 +201,7 @@ pub fn follow_perturbed(
     path.check_copies(1 + perturbed.len())?;
     let count = rows.loads.count;
     let mut solutions = vec![PathSolutions::pending(path.robot(), count, disks)?];
+    solutions[0].keep_states(rows);
     for (own, steps) in perturbed.iter_mut() {
         steps.check(own)?;
         solutions.push(PathSolutions::pending(own.robot(), count, disks)?);
@@ -333,7 +345,14 @@ impl PathSolutions {
             slack: nan(m)?,
             span_tensions: nan(robot.module_count() * m)?,
             details: filled(detail, Some(n), &refused)?,
+            states: vec![],
         })
+    }
+
+    fn keep_states(&mut self, steps: &Steps) {
+        if steps.near.is_some() {
+            self.states = vec![None; steps.loads.count];
+        }
     }
 
     /// Disjoint parts of `rows` rows, the last one possibly shorter.
@@ -345,6 +364,7 @@ impl PathSolutions {
         let of_spans = rows * robot.module_count() * m;
         let mut span_tensions = pieces(&mut self.span_tensions, of_spans);
         let mut details = pieces(&mut self.details, rows);
+        let mut states = pieces(&mut self.states, rows);
         let part = |poses| Part {
             poses,
             tensions: tensions.next().unwrap_or_default(),
@@ -352,6 +372,7 @@ impl PathSolutions {
             slack: slack.next().unwrap_or_default(),
             span_tensions: span_tensions.next().unwrap_or_default(),
             details: details.next().unwrap_or_default(),
+            states: states.next().unwrap_or_default(),
         };
         self.poses.chunks(robot, rows).map(part).collect()
     }
@@ -365,6 +386,7 @@ struct Part<'a> {
     slack: &'a mut [f64],
     span_tensions: &'a mut [f64],
     details: &'a mut [Detail],
+    states: &'a mut [Option<History>],
 }
 
 impl Part<'_> {
@@ -546,9 +568,11 @@ impl Part<'_> {
         solve: impl FnOnce(&mut PathSolver, &[Command], &Load) -> Result<PathOutcome, InputError>,
     ) -> Status {
         let m = path.robot().tendon_count();
-        let (commands, load) = steps.row(self.poses.first + i, m);
+        let row = self.poses.first + i;
+        let (commands, load) = steps.row(row, m);
+        path.last.near = steps.near(row);
         let step = path
-            .set_duration(steps.duration(self.poses.first + i))
+            .set_duration(steps.duration(row))
             .and_then(|()| solve(path, &commands, &load));
         let found = step.expect("all rows were checked");
         let put = |to: &mut [f64], from: &[f64]| {
@@ -561,6 +585,9 @@ impl Part<'_> {
             put(self.displacements, &displacements);
             put(self.slack, path.slack());
             put(self.span_tensions, &path.span_tensions());
+            if let Some(state) = self.states.get_mut(i) {
+                *state = Some(path.history().clone());
+            }
         } else {
             put(self.tensions, &commanded_tensions(&commands));
         }

@@ -52,7 +52,7 @@ impl PathSolver {
     fn is_alike(&self, other: &PathSolver) -> bool {
         let [own, others] = [self, other].map(|path| &path.transmission().tendons.lines);
         let mut lines = own.iter().zip(others);
-        self.history().strain.len() == other.history().strain.len()
+        self.history().is_alike(other.history())
             && lines.all(|(a, b)| (a.friction > 0.0) == (b.friction > 0.0))
     }
 
@@ -89,7 +89,7 @@ impl PathStep {
         load: &Load,
     ) -> PathOutcome {
         self.start(old, commands, load);
-        self.start_at(nominal);
+        self.start_at(&nominal.transmission.tendons.now);
         // unknowns, columns and matrix are the nominal ones
         let own = &mut self.transmission.unknowns;
         swap(own, &mut nominal.transmission.unknowns);
@@ -102,9 +102,8 @@ impl PathStep {
         }
     }
 
-    /// Moves strain, unknowns and slip to those of the nominal path.
-    fn start_at(&mut self, nominal: &PathStep) {
-        let at = &nominal.transmission.tendons.now;
+    /// Moves strain, unknowns and slip to those of another state.
+    pub(super) fn start_at(&mut self, at: &History) {
         let tendons = &mut self.transmission.tendons;
         for (i, command) in tendons.now.commands.iter().enumerate() {
             if command.is_displacement() {

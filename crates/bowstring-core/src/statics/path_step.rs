@@ -13,6 +13,7 @@ use crate::statics::inelastic::UnloadedCurvature;
 use crate::statics::relaxation::CreepingTendons;
 use crate::statics::solver::{Solver, Status};
 use crate::tendon::{Command, History, Transmission};
+use std::ptr;
 
 // Tuned constants of the iteration. Lengths are fractions of the robot's length.
 
@@ -62,6 +63,8 @@ pub(crate) struct PathStep {
     pub unloaded: Option<UnloadedCurvature>,
     /// Where tendons creep.
     pub creep: Option<CreepingTendons>,
+    /// State near which that of the next step lies, where known.
+    pub near: Option<History>,
     acceleration: Acceleration,
     /// Gradient that the solution has left, where it is linearised for perturbed paths (N m).
     pub(super) imbalance: Vec<Vec3>,
@@ -145,6 +148,7 @@ impl PathStep {
             transmission,
             unloaded: None,
             creep: None,
+            near: None,
             imbalance: vec![],
         }
     }
@@ -197,14 +201,27 @@ impl PathStep {
         self.solver.settings.work * (2 + unknowns)
     }
 
-    /// Solves for the load directly, or by load stepping where that fails; after `begin`.
+    /// Solves for the load directly, from `near` where given, or by load stepping where that fails;
+    /// after `begin`.
     pub fn solve(&mut self, old: &History, commands: &[Command], load: &Load) -> PathOutcome {
-        let first = self.newton(old, commands, load);
+        let mut iterations = 0;
+        if let Some(near) = self.near.take().filter(|near| near.is_alike(old)) {
+            let found = self.newton(old, commands, load, &near);
+            if found.status == Status::Converged {
+                return found;
+            }
+            iterations = found.iterations;
+        }
+        let first = self.newton(old, commands, load, old);
+        iterations += first.iterations;
         if first.status == Status::Converged {
-            return first;
+            return PathOutcome {
+                iterations,
+                ..first
+            };
         }
         let (mut reached, mut increment) = (0.0, FIRST_INCREMENT);
-        let (mut increments, mut iterations) = (0, first.iterations);
+        let mut increments = 0;
         let mut from = old.clone();
         let mut part_commands = commands.to_vec();
         let mut part = OwnedLoad::default();
@@ -221,7 +238,7 @@ impl PathStep {
             part.between_dead(&old.load, load, share);
             let part = part.borrow();
             let now = if share == 1.0 { load } else { &part };
-            let found = self.newton(&from, &part_commands, now);
+            let found = self.newton(&from, &part_commands, now, &from);
             iterations += found.iterations;
             if iterations > MOST_ITERATIONS || interrupt::must_end() {
                 break;
@@ -251,12 +268,22 @@ impl PathStep {
         }
     }
 
-    /// One implicit step from `old`; leaves the solution in `self.transmission`.
-    fn newton(&mut self, old: &History, commands: &[Command], load: &Load) -> PathOutcome {
+    /// One implicit step from `old`, by Newton's method from the pose, tensions and slip of `near`;
+    /// leaves the solution in `self.transmission`.
+    fn newton(
+        &mut self,
+        old: &History,
+        commands: &[Command],
+        load: &Load,
+        near: &History,
+    ) -> PathOutcome {
         let mut outcome = PathOutcome::pending();
         self.start(old, commands, load);
+        if !ptr::eq(near, old) {
+            self.start_at(near);
+        }
         let friction = self.transmission.friction.enabled;
-        let fresh = friction && old.drops.iter().all(|y| *y == 0.0);
+        let fresh = friction && near.drops.iter().all(|y| *y == 0.0);
         let mut state = Iteration {
             symmetric: load.has_potential(),
             rigid: self.transmission.tendons.is_rigid(),
@@ -280,7 +307,7 @@ impl PathStep {
             let residuals = self.residuals();
             outcome.residual = residuals.moment;
             outcome.length_residual = residuals.length * self.solver.robot().length();
-            settled &= state.is_settled(&residuals);
+            settled &= state.is_settled(&residuals) && self.sticks(old);
             if !residuals.moment.is_finite() || (step == MAX_STEPS && !settled) {
                 return outcome;
             }
@@ -423,6 +450,12 @@ impl PathStep {
             moment: self.solver.engine.gradient() / scale,
             length: self.transmission.tendons.length_residual() / length,
         }
+    }
+
+    /// Whether the holes that stick have not slipped since `old`.
+    fn sticks(&self, old: &History) -> bool {
+        let slip = self.transmission.tendons.stick_residual(old);
+        slip <= LOOSE * self.solver.robot().length()
     }
 
     /// Whether the tangent of the iteration before is kept: where it is partial, convergence does not

@@ -325,12 +325,20 @@ impl Tendons {
 
     /// Largest length error of a taut tendon, or slip since `old` at a hole that sticks (m).
     pub fn kept_residual(&self, old: &History) -> f64 {
-        let (m, now) = (self.lines.len(), &self.now);
-        let mut most: f64 = 0.0;
-        for (i, command) in now.commands.iter().enumerate() {
+        let mut most = self.stick_residual(old);
+        for (i, command) in self.now.commands.iter().enumerate() {
             if command.is_displacement() && self.is_taut(i) {
                 most = most.max(self.slack[i].abs());
             }
+        }
+        most
+    }
+
+    /// Largest slip since `old` at a hole that sticks (m).
+    pub fn stick_residual(&self, old: &History) -> f64 {
+        let (m, now) = (self.lines.len(), &self.now);
+        let mut most: f64 = 0.0;
+        for i in 0..m {
             if self.lines[i].friction == 0.0 || now.tensions[i] == 0.0 {
                 continue;
             }
