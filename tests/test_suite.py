@@ -249,7 +249,7 @@ def test_the_conclusion_is_of_measured_sets_with_both_fits(sets: Path) -> None:
     ratio = errors(found)["gain"] / errors(found)["stiffer"]
     assert suite.ratios == {"mine": pytest.approx(ratio)}
     assert suite.conclusion.startswith(
-        "For one robot, rod model and constant curvature were calibrated on some measurements; on"
+        "For one robot, rod model and constant curvature were calibrated on one part"
     )
 
 
