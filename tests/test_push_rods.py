@@ -164,7 +164,8 @@ def test_inverse_kinematics_pushes_as_well_as_pulls(rods: bs.Robot) -> None:
     assert found.tensions.min() < -0.1
     reached = bs.solve(rods, found.tensions).raise_for_status().tip.position
     assert reached == pytest.approx(wanted, abs=1e-8)
-    arcs = bs.inverse_kinematics(rods, wanted, model="constant_curvature", max_tension=3.0)
+    limits = bs.ActuationLimits(max_tension=3.0)
+    arcs = bs.inverse_kinematics(rods, wanted, model="constant_curvature", limits=limits)
     assert arcs.tensions.min() < -0.1
     # pushes and pulls together, so that the arcs keep their lengths
     assert abs(arcs.tensions.sum()) < 1e-3

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from bowstring.integrations.live import view
     from bowstring.inverse.compiled import compile_robot
     from bowstring.inverse.kinematics import inverse_kinematics
+    from bowstring.inverse.limits import ActuationLimits
     from bowstring.inverse.solution import InverseSolution
     from bowstring.robot.model import Robot
     from bowstring.robot.reader import load_robot, robot_names, robot_schema
@@ -89,6 +90,7 @@ if TYPE_CHECKING:
     from bowstring.validity.workspace import WorkspaceMap, workspace_map
 
 __all__ = [
+    "ActuationLimits",
     "BaseMotion",
     "Branch",
     "BranchDiagram",
@@ -195,6 +197,7 @@ _HOME = {
         "dynamics.simulation": "Output Run Start simulate",
         "inverse.compiled": "compile_robot",
         "inverse.kinematics": "inverse_kinematics",
+        "inverse.limits": "ActuationLimits",
         "inverse.solution": "InverseSolution",
         "robot.model": "Robot",
         "robot.reader": "load_robot robot_names robot_schema",

@@ -18,6 +18,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.inverse.kinematics import inverse_kinematics
+from bowstring.inverse.limits import ActuationLimits
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot, check_tendons
 from bowstring.statics.load import Load
@@ -414,9 +415,8 @@ def _landed(
     if not (robot.is_embedded or model.tendon_path == "continuous"):
         notify(COMMANDS["physics"], len(names) / steps)
         start = time.perf_counter()
-        exact = inverse_kinematics(
-            robot, wanted, load=load, model=model, max_tension=commander.most, path=False
-        )
+        limits = ActuationLimits(max_tension=commander.most)
+        exact = inverse_kinematics(robot, wanted, load=load, model=model, limits=limits, path=False)
         seconds["physics"] = (time.perf_counter() - start) / len(wanted)
         landed["physics"] = commander.land("physics", exact.tensions)[None]
     scale = commander.scale if "tensions_calibrated" in names else None
