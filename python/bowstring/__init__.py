@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel, __version__
     from bowstring.cad.solid import make_solid
     from bowstring.calibration.fitting import Fit, fit
+    from bowstring.calibration.priors import Prior
     from bowstring.calibration.table_fit import Calibration, calibrate
     from bowstring.data.measurements import Measurements, read_measurements, write_measurements
     from bowstring.data.tendon_check import check_tendons
@@ -116,6 +117,7 @@ __all__ = [
     "Output",
     "Plane",
     "PointLoad",
+    "Prior",
     "Ramp",
     "Reach",
     "Robot",
@@ -187,6 +189,7 @@ _HOME = {
         "_core": "RodModel __version__",
         "cad.solid": "make_solid",
         "calibration.fitting": "Fit fit",
+        "calibration.priors": "Prior",
         "calibration.table_fit": "Calibration calibrate",
         "data.measurements": "Measurements read_measurements write_measurements",
         "data.tendon_check": "check_tendons",
