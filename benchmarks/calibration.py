@@ -26,6 +26,7 @@ from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Data, commands, score
 from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.priors import default_priors, with_priors
 from bowstring.calibration.tip_model import TipModel
 from bowstring.errors import InputError
 from bowstring.statics import actuation
@@ -303,13 +304,12 @@ def few_rows(train: Data, every: Data, val: np.ndarray) -> None:
     }
     print("\nDefault priors: RMSE in mm, eight parameters and those without gravity")
     for label, rows in chosen.items():
-        for names, priors in ((EIGHT, None), (WITHOUT, None), (WITHOUT, "default")):
+        known = with_priors(Unknowns(ELASTIC, WITHOUT).names, default_priors(ELASTIC, WITHOUT))
+        for names, priors in ((EIGHT, None), (WITHOUT, None), (known, "default")):
             what = "eight parameters" if names is EIGHT else "without gravity"
             said = f"  {label}, {rows.sum()}; {what}, priors {priors}:"
             try:
-                found = fit(
-                    ELASTIC, train, names, start=START, loss="linear", rows=rows, priors=priors
-                )
+                found = fit(ELASTIC, train, names, start=START, loss="linear", rows=rows)
             except InputError as error:  # fewer rows than parameters
                 print(said, error)
                 continue

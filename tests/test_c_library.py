@@ -118,7 +118,7 @@ def test_the_library_solves_as_the_package(library: Any, case: str) -> None:
     count = robot.core.tendon_count
     size = ctypes.c_size_t(count)
     rng = np.random.default_rng(7)
-    from bowstring.inverse.kinematics import default_max_tension
+    from bowstring.inverse.limits import default_max_tension
 
     most = 0.15 * default_max_tension(robot)
     force, moment = [0.01, -0.02, 0.03], [1e-3, 2e-3, 0.0]
@@ -212,7 +212,8 @@ def test_the_example_follows_a_path(program: Path, tmp_path: Path) -> None:
     assert 0.0 < median <= p99 <= largest
     assert median < 1.0  # a third of a millisecond on a slow machine that is busy
     positions = np.loadtxt(lines[2:302], delimiter=",") * 1e-3
-    found = bs.inverse_kinematics(robot, positions, max_tension=12.0).raise_for_status()
+    limits = bs.ActuationLimits(max_tension=12.0)
+    found = bs.inverse_kinematics(robot, positions, limits=limits).raise_for_status()
     with out.open() as stream:
         table = [{key: float(x) for key, x in row.items()} for row in csv.DictReader(stream)]
     tensions, displacements = (

@@ -13,7 +13,7 @@ from benchmarks import calibration
 
 import bowstring as bs
 from bowstring import RodModel
-from bowstring.calibration import default_priors, observations
+from bowstring.calibration import Prior, default_priors, observations
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.fitting import _correlated_pair, fit
 from bowstring.calibration.folds import part_of_rows
@@ -564,8 +564,7 @@ def test_values_that_are_not_possible_are_doubts_synthetic(robot):
     assert "the size of gravity is " in found.doubts[0]
     assert " m/s^2 (9.3 to 10.3 m/s^2)." in found.doubts[0]
     # a prior says what is possible
-    priors = dict.fromkeys(names, 1e3)
-    assert not fit(robot, data, names, priors=priors).doubts
+    assert not fit(robot, data, [Prior(name, 1e3) for name in names]).doubts
     # and a gravity of Earth, or none, is no doubt
     for gravity in ([9.81, 0.0, 0.0], [0.0, 0.0, 0.0]):
         data = synthetic(robot.with_({"gravity": gravity}), ["gravity.1"], {})

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 import bowstring as bs
-from bowstring.calibration import Data, JudgedModel, ModelComparison, compare_models
+from bowstring.calibration import Data, JudgedModel, ModelComparison, Prior, compare_models
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.error_parts import noise_of, parts_of
 from bowstring.calibration.figures import draw_parts
@@ -253,7 +253,7 @@ def test_bad_input_is_refused_before_work(robot: Robot, monkeypatch: pytest.Monk
     refused("memory 'set' is unknown", memories=["set"])
     refused("leave it out, calibrated constant curvature has it", names=["base", "bend_gain"])
     refused("there is no parameter", names=["base", "stiffness"])
-    refused("prior of 'offset' belongs to no fitted parameter", priors={"offset": 1e-3})
+    refused("prior of base is for several parameters", names=[Prior("base", 1e-3)])
     half = data.select(slice(20, 40))
     refused("20 of 20 validation rows are also fitted, the first in line 22", validation=half)
     blank = replace(half, points=np.full_like(half.points, np.nan))

@@ -17,6 +17,7 @@ from bowstring import RodModel
 from bowstring.calibration import (
     Data,
     Fit,
+    Prior,
     cross_validate,
     filtered,
     fit,
@@ -239,16 +240,14 @@ def test_recovers_by_constant_curvature(robot: Robot) -> None:
         assert abs(found[name].value - value) < 3 * found[name].standard_error
 
 
-@pytest.mark.parametrize("priors", [None, {E: 1e9}])
-def test_markers_make_estimates_more_certain(priors: Any) -> None:
+@pytest.mark.parametrize("stiffness", [E, Prior(E, 1e9)])
+def test_markers_make_estimates_more_certain(stiffness: str | Prior) -> None:
     """Also with offsets of the markers, which are known here."""
     truth = {E: 33e9, "base.rx": 0.01, "tool.z": 0.01, "marker.0.x": 0.02}
     data = made(single(), truth, DISKS, tensions=tensions())
-    names = [E, "base", "tool.z"]
+    parameters = [stiffness, "base", "tool.z"]
     held = {"marker.0.x": 0.02}
-    whole, alone = (
-        fit(single(), each, names, start=held, priors=priors) for each in (data, tip_of(data))
-    )
+    whole, alone = (fit(single(), each, parameters, start=held) for each in (data, tip_of(data)))
     within(whole, truth)
     within(alone, truth)
     for estimate in whole.estimates:

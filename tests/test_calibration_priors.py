@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring.calibration import default_priors
+from bowstring.calibration import Prior, default_priors
 from bowstring.calibration.cross_validation import cross_validate
 from bowstring.calibration.fitting import fit, fit_from
 from bowstring.calibration.intervals import Dependence, Uncertainty
 from bowstring.calibration.observations import Data
 from bowstring.calibration.parameters import Unknowns
-from bowstring.calibration.priors import Priors, read_priors
+from bowstring.calibration.priors import Priors, deviations_of, with_priors
 from objects import refused
 from test_calibration_fitting import (
     GIVE,
@@ -44,7 +44,7 @@ def test_a_parameter_that_data_do_not_identify_keeps_its_prior_synthetic():
     data = synthetic(single(), [E], {E: 36e9})
     alone = fit(single(), data, [E, "gain"])
     assert alone.not_identifiable == ((E, "gain"),)
-    found = fit(single(), data, [E, "gain"], priors={"gain": 0.02})
+    found = fit(single(), data, [E, Prior("gain", 0.02)])
     assert found.converged and not found.not_identifiable
     gain, stiffness = found["gain"], found[E]
     assert gain.value == pytest.approx(1.0, abs=1e-3)
@@ -61,7 +61,7 @@ def test_a_parameter_that_data_do_not_identify_keeps_its_prior_synthetic():
 def test_a_parameter_without_effect_may_have_a_prior_synthetic():
     data = synthetic(single(), [E], {})
     mass = "segments.0.disks.mass"  # without gravity
-    found = fit(single(), data, [E, mass], priors={mass: 3e-4})[mass]
+    found = fit(single(), data, [E, Prior(mass, 3e-4)])[mass]
     assert found.value == pytest.approx(20.0) and found.standard_error == pytest.approx(0.3)
 
 
@@ -70,7 +70,7 @@ def test_estimates_lie_between_data_and_prior_by_their_weights_synthetic(loss):
     """The posterior mean of one parameter of a nearly linear model, with known noise."""
     data = synthetic(single(), ["gain"], {"gain": 1.02}, noise=1e-2)
     alone = fit(single(), data, ["gain"], loss=loss)["gain"]
-    found = fit(single(), data, ["gain"], loss=loss, priors={"gain": 0.01})["gain"]
+    found = fit(single(), data, [Prior("gain", 0.01)], loss=loss)["gain"]
     precision = np.array([alone.standard_error**-2, 0.01**-2])
     mean = precision @ [alone.value, 1.0] / precision.sum()
     assert 1.0 < found.value < alone.value
@@ -80,10 +80,9 @@ def test_estimates_lie_between_data_and_prior_by_their_weights_synthetic(loss):
 
 def test_a_wide_prior_changes_nothing_and_a_narrow_one_holds_synthetic():
     data = synthetic(single(), ["gain"], {"gain": 1.05})
-    names = ["gain", "base.x"]
     alone, wide, narrow = (
-        fit(single(), data, names, priors=priors)
-        for priors in (None, {"gain": 10.0}, {"gain": 1e-7})
+        fit(single(), data, [gain, "base.x"])
+        for gain in ("gain", Prior("gain", 10.0), Prior("gain", 1e-7))
     )
     for a, b in zip(alone.estimates, wide.estimates, strict=True):
         assert b.value == pytest.approx(a.value, abs=0.02 * a.standard_error)
@@ -97,13 +96,13 @@ def test_a_wide_prior_changes_nothing_and_a_narrow_one_holds_synthetic():
 def test_the_initial_value_does_not_move_the_prior_synthetic():
     data = synthetic(single(), ["gain"], {"gain": 1.03}, noise=5e-3)
     ends = [
-        fit(single(), data, ["gain"], priors={"gain": 0.01}, start=start)["gain"]
+        fit(single(), data, [Prior("gain", 0.01)], start=start)["gain"]
         for start in (None, {"gain": 1.2})
     ]
     assert [end.prior_mean for end in ends] == [1.0, 1.0] and ends[1].start == 1.2
     assert ends[0].value == pytest.approx(ends[1].value, abs=2e-4)
     # frames have no nominal value but the one that is given
-    found = fit(single(), data, ["tool.z"], priors={"tool": 1e-3}, start={"tool.z": 8e-3})
+    found = fit(single(), data, [Prior("tool.z", 1e-3)], start={"tool.z": 8e-3})
     assert found["tool.z"].prior_mean == pytest.approx(8.0)
 
 
@@ -112,7 +111,7 @@ def test_more_parameters_than_rows_need_priors_synthetic():
     truth = {E: 33e9, "gain.tendons.1": 1.02}
     data = synthetic(single(), names, truth, tensions=random_loads(4, 0), noise=1e-4)
     refused("4 measured points are too few for 6 parameters", lambda: fit(single(), data, names))
-    found = fit(single(), data, names, priors="default")
+    found = fit(single(), data, [E, *map(Prior, names[1:])])
     assert found.converged and not found.not_identifiable
     assert found[E].low < 33 < found[E].high
     assert found["gain.tendons.1"].low < 1.02 < found["gain.tendons.1"].high
@@ -206,9 +205,8 @@ def test_the_posterior_of_a_linear_model():
 def test_the_cost_of_the_piecewise_model_includes_the_priors_synthetic():
     """Two minima of nearly the same error: a prior decides, and the interval ends there."""
     data = slack_bench(ONE_DISPLACED, 5e-4, 1)
-    names = [GIVE, "offset.tendons"]
-    alone = fit(giving(1e-4), data, names)["offset.tendons.0"]
-    found = fit(giving(1e-4), data, names, priors={"offset": 1e-4})
+    alone = fit(giving(1e-4), data, [GIVE, "offset.tendons"])["offset.tendons.0"]
+    found = fit(giving(1e-4), data, [GIVE, Prior("offset.tendons", 1e-4)])
     offset = found["offset.tendons.0"]
     assert found.converged and alone.high - alone.low > 1.0
     assert offset.high - offset.low < 0.6 and offset.low < offset.value < offset.high
@@ -218,7 +216,7 @@ def test_outliers_hardly_move_a_robust_fit_with_priors_synthetic():
     data = synthetic(single(), ["gain"], {"gain": 1.01})
     data.points[7:10] += 0.03
     robust, plain = (
-        fit(single(), data, ["gain", "base"], loss=loss, priors="default")["gain"].value
+        fit(single(), data, [Prior("gain"), "base"], loss=loss)["gain"].value
         for loss in ("soft_l1", "linear")
     )
     assert abs(robust - 1.01) < 0.1 * abs(plain - 1.01)
@@ -229,7 +227,7 @@ def test_friction_and_priors_synthetic():
     truth = {names[0]: 0.1, E: 36e9}
     robot = single().with_({names[0]: 0.05})
     data = synthetic(robot, names, truth, tensions=masses())
-    found = fit(robot, data, names, priors={"gain": 0.02, names[0]: 1.0})
+    found = fit(robot, data, [Prior(names[0], 1.0), E, Prior("gain", 0.02)])
     assert found.converged
     assert found[names[0]].value == pytest.approx(0.1, rel=0.01)
     assert found["gain"].standard_error == pytest.approx(0.02, rel=0.01)
@@ -248,7 +246,7 @@ def test_intervals_cover_truths_drawn_from_the_priors_synthetic(loss):
         truth |= {name: neutral[name] + rng.normal(0, sd) for name, sd in priors.items()}
         loads = random_loads(6, 1000 + seed)  # draws of their own, as the noise
         data = synthetic(single(), names, truth, tensions=loads, noise=5e-4, seed=2000 + seed)
-        found = fit(single(), data, names, loss=loss, priors="default")
+        found = fit(single(), data, [E, *map(Prior, names[1:-1]), "base.rz"], loss=loss)
         assert found.converged
         for e in found.estimates:
             held.append(e.low <= truth[e.name] / PER_UNIT[e.unit] <= e.high)
@@ -263,8 +261,8 @@ def test_cross_validation_and_calibration_take_priors_synthetic():
     """With an offset error of the data, only a narrow prior keeps the gain."""
     data = synthetic(single(), ["gain"], {"gain": 1.05})
     held, free = (
-        cross_validate(fit(single(), data, ["gain"], priors=priors), data, folds=2).score.rmse
-        for priors in ({"gain": 1e-7}, None)
+        cross_validate(fit(single(), data, [gain]), data, folds=2).score.rmse
+        for gain in (Prior("gain", 1e-7), "gain")
     )
     assert held > 10 * free
 
@@ -289,45 +287,48 @@ def test_default_priors_are_those_of_the_page():
     )
 
 
-def test_a_name_stands_for_its_group_and_a_later_one_replaces_it():
-    robot = bs.load_robot("crl-ftdcr-v4")
-    names = ["gain.tendons.0", "gain.tendons.1", "segments.0.backbone.E", "segments.1.backbone.E"]
-    given = {"segments.*.backbone.E": 1e9, "gain": 0.1, "gain.tendons.1": 0.2}
-    unknowns = Unknowns(robot, names)
-    assert read_priors(given, robot, unknowns) == dict(
-        zip(names, [0.1, 0.2, 1e9, 1e9], strict=True)
-    )
-    none = read_priors({"gain": 0.1, "gain.tendons.0": np.inf}, robot, unknowns)
-    assert none == {"gain.tendons.1": 0.1}
-    priors = Priors.of(unknowns, unknowns, none)
-    assert priors.known.tolist() == [False, True, False, False] and priors.free == 3
+def test_a_prior_of_a_group_is_of_its_members():
+    robot, E1 = bs.load_robot("crl-ftdcr-v4"), "segments.1.backbone.E"
+    parameters = [Prior("gain.segments", 0.1), "base.x", Prior(E1, 1e9), Prior("pitch_radius")]
+    found = deviations_of(robot, parameters, by_tension=False)
+    gains = {f"gain.segments.{i}": 0.1 for i in range(3)}
+    assert found == gains | {E1: 1e9, "pitch_radius": 2e-4 / 4.5e-3}
+    unknowns = Unknowns(robot, [*gains, "base.x", E1, "pitch_radius"])
+    priors = Priors.of(unknowns, unknowns, found)
+    assert priors.known.tolist() == [True, True, True, False, True, True] and priors.free == 1
+    names = ["base.x", E1]
+    assert with_priors(names, found) == ["base.x", Prior(E1, 1e9)]
 
 
 @pytest.mark.parametrize(
-    ("priors", "words"),
+    ("parameter", "words"),
     [
-        ("all", "priors is 'all', it must be \"default\""),
-        ({"gian": 0.1}, "prior of 'gian' belongs to no fitted parameter; fitted are gain, base.x"),
-        ({"offset": 0.1}, "prior of 'offset' belongs to no fitted parameter"),
-        ({"gain": 0.0}, "prior of gain is 0.0, it must be a standard deviation above 0"),
-        ({"gain": "2 %"}, "prior of gain is '2 %', it must be a standard deviation"),
-        ({"gain": np.nan}, "prior of gain is nan"),
-        (
-            {"base": 1.0},
-            "prior of base is for several parameters with different units; name each: base.x",
-        ),
+        (lambda: Prior("gian", 0.1), "there is no parameter 'gian'"),
+        (lambda: Prior("base.x", 0.1), "parameter base.x is named twice"),
+        (lambda: Prior("gain", 0.0), "prior of gain is 0.0, it must be a standard deviation above"),
+        (lambda: Prior("gain", "2 %"), "prior of gain is '2 %', it must be a standard deviation"),
+        (lambda: Prior("gain", np.nan), "prior of gain is nan"),
+        (lambda: Prior("gain", np.inf), "prior of gain is inf"),
+        (lambda: Prior(E), "nothing is known of segments.0.backbone.E in general"),
+        (lambda: Prior("offset"), "nothing is known of offset in general"),  # of tensions
     ],
 )
-def test_bad_priors_are_named(priors, words):
+def test_bad_priors_are_named(parameter, words):
     data = Data(points=np.ones((33, 3)), tensions=masses())
-    refused(words, lambda: fit(single(), data, ["gain", "base"], priors=priors))
+    refused(words, lambda: fit(single(), data, ["base", parameter()]))
+
+
+def test_a_prior_of_several_units_is_refused():
+    data = Data(points=np.ones((33, 3)), tensions=masses())
+    words = "prior of base is for several parameters with different units; name each: base.x"
+    refused(words, lambda: fit(single(), data, [Prior("base", 1.0)]))
 
 
 def test_priors_hold_from_each_start():
     """Starts have their own natural steps."""
     data = synthetic(single(), [E], {E: 33e9})
-    found = fit_from([{E: 1e6}, {E: 33e9}], single(), data, [E], priors={E: 1e7})
-    alone = fit(single(), data, [E], start={E: 33e9}, priors={E: 1e7})
+    found = fit_from([{E: 1e6}, {E: 33e9}], single(), data, [Prior(E, 1e7)])
+    alone = fit(single(), data, [Prior(E, 1e7)], start={E: 33e9})
     assert found[E].value == pytest.approx(alone[E].value, rel=1e-6)
     assert found[E].prior_mean == alone[E].prior_mean and found[E].prior_sd == alone[E].prior_sd
     assert found.evaluations > alone.evaluations

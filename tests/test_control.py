@@ -139,6 +139,9 @@ def test_corrections_close_in_on_the_wanted_tip() -> None:
         if name != "physics":
             means = [row.mean for row in found.summary(name)]
             assert means[3] < 0.02 * means[0], name
+    assert found.with_tolerance("50 %").summary("tensions")[0].valid == 1.0
+    with pytest.raises(InputError, match="tolerance"):
+        found.with_tolerance(2.0)
 
 
 def test_a_calibrated_stiffness_is_found_beyond_three_times_and_is_one_without_tensions() -> None:
@@ -238,7 +241,6 @@ def test_tendons_in_the_body_take_tensions_only() -> None:
         ({"load": bs.Load([1, 0, 0])}, "leave it out"),
         ({"load": bs.Load(tip_force=[0, np.nan, 0])}, "tip force"),
         ({"load": bs.Load(tip_force=[[0, 0, 1], [0, 1, 0]])}, "3 numbers"),
-        ({"tolerance": 2.0}, "tolerance"),
     ],
 )
 def test_bad_input_is_refused(given: dict[str, Any], says: str) -> None:

@@ -98,8 +98,9 @@ def test_inverse_kinematics_returns_commands(robot: bs.Robot) -> None:
     found = bs.inverse_kinematics(robot, wanted).raise_for_status()
     again = bs.solve(robot, load=bs.Load(displacements=found.displacements())).raise_for_status()
     assert again.tip.position == pytest.approx(wanted, abs=1e-7)
+    limits = bs.ActuationLimits(displacement_limits=[-0.01, 0.01])
     with pytest.raises(InputError, match="displacement_limits are of whole tendons"):
-        bs.inverse_kinematics(robot, wanted, displacement_limits=[-0.01, 0.01])
+        bs.inverse_kinematics(robot, wanted, limits=limits)
 
 
 def test_a_displacement_needs_those_of_inner_segments(robot: bs.Robot, own: Floats) -> None:

@@ -93,7 +93,8 @@ def test_limits_of_the_inverse_are_of_commands() -> None:
     point = bs.solve(PLAIN, [20.0, 0.0, 5.0]).tip.position
     free = bs.inverse_kinematics(ROBOT, point).displacements()
     most = float(free.max()) - 5e-5
-    found = bs.inverse_kinematics(ROBOT, point, displacement_limits=[-1.0, most])
+    limits = bs.ActuationLimits(displacement_limits=[-1.0, most])
+    found = bs.inverse_kinematics(ROBOT, point, limits=limits)
     assert found.displacements().max() == pytest.approx(most, abs=1e-7)
 
 

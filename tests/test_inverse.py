@@ -11,7 +11,8 @@ from scipy.optimize import least_squares, linprog, minimize
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import NoSolutionError
-from bowstring.inverse.kinematics import default_max_tension
+from bowstring.inverse.limits import ActuationLimits as Limits
+from bowstring.inverse.limits import default_max_tension
 from bowstring.robot.model import with_tendons
 
 ROBOTS = ("amouri2019", "rao2021", "crl-ftdcr-v4")
@@ -35,7 +36,7 @@ def forward(robot, count, seed, share=0.5, load=None):
 def test_tips_of_forward_solves_are_reached(name, count, seed):
     robot = bs.load_robot(name)
     tensions, tips, most = forward(robot, count, seed)
-    found = bs.inverse_kinematics(robot, tips, max_tension=most, path=False)
+    found = bs.inverse_kinematics(robot, tips, limits=Limits(max_tension=most), path=False)
     assert (found.tensions >= 0.0).all() and (found.tensions <= most).all()
     assert found.reached.mean() > 0.999
     reached = found.reached
@@ -83,7 +84,7 @@ def test_tensions_are_the_least(name):
     """SLSQP from the result finds no smaller tensions, and from others no smaller ones near."""
     robot = bs.load_robot(name)
     _, tips, most = forward(robot, 12, 21)
-    found = bs.inverse_kinematics(robot, tips, max_tension=most, path=False)
+    found = bs.inverse_kinematics(robot, tips, limits=Limits(max_tension=most), path=False)
     for tip, own in zip(tips[found.reached], found.tensions[found.reached], strict=True):
 
         def away(solved, tip=tip):
@@ -105,7 +106,7 @@ def test_least_tensions_fulfil_the_conditions_of_optimality(name):
     """Conditions of Karush, Kuhn and Tucker, with derivatives of the forward solver."""
     robot = bs.load_robot(name)
     _, tips, most = forward(robot, 150, 22)
-    found = bs.inverse_kinematics(robot, tips, max_tension=most, path=False)
+    found = bs.inverse_kinematics(robot, tips, limits=Limits(max_tension=most), path=False)
     unit = unit_tension(robot)
     bound = 0
     for row in np.flatnonzero(found.reached):
@@ -130,7 +131,9 @@ def test_unreachable_tips_are_the_nearest(robot):
         way = rng.normal(size=3)
         target = way / np.linalg.norm(way) * rng.uniform(0.3, 0.6)
         target[2] = abs(target[2])
-        found = bs.inverse_kinematics(robot, target, max_tension=80.0, distance_margin=0)
+        found = bs.inverse_kinematics(
+            robot, target, limits=Limits(max_tension=80.0), distance_margin=0
+        )
         assert found.status == "unreachable"
 
         def residual(t, target=target):
@@ -155,14 +158,15 @@ def test_unreachable_tips_take_the_least_tensions_within_the_margin(name):
     robot = bs.load_robot(name)
     rng = np.random.default_rng(9)
     most = 0.8 * default_max_tension(robot).min()
+    limits = Limits(max_tension=most)
     for number in range(6):
         way = rng.normal(size=3)
         way[2] = abs(way[2])
         target = way / np.linalg.norm(way) * rng.uniform(0.85, 0.99) * robot.length
         if name == "amouri2019" and number == 0:
             target = np.array([0.1, 0.02, 0.6])
-        found = bs.inverse_kinematics(robot, target, max_tension=most)
-        nearest = bs.inverse_kinematics(robot, target, max_tension=most, distance_margin=0)
+        found = bs.inverse_kinematics(robot, target, limits=limits)
+        nearest = bs.inverse_kinematics(robot, target, limits=limits, distance_margin=0)
         if nearest.status == "reached":
             assert found.distance < 1e-6 * robot.length
             continue
@@ -185,7 +189,7 @@ def test_unreachable_tips_take_the_least_tensions_within_the_margin(name):
             best, good = least_by_slsqp(robot, start, most, "ineq", room)
             if good:
                 assert size < np.linalg.norm(best) * (1.0 + 2e-3)
-        wide = bs.inverse_kinematics(robot, target, max_tension=most, distance_margin="1 %")
+        wide = bs.inverse_kinematics(robot, target, limits=limits, distance_margin="1 %")
         assert np.linalg.norm(wide.tensions) < size
         _, more = found.message().split("with larger tensions within")
         assert " mm, where the " in more or " mm; no limit binds" in more
@@ -214,19 +218,20 @@ def test_unreachable_path_is_followed_without_jumps(robot):
 
 def test_limits_that_bind_are_named(robot):
     tip = bs.solve(robot, [60.0, 0.0, 0.0]).tip.position
-    found = bs.inverse_kinematics(robot, tip, max_tension=30.0, distance_margin=0)
+    limits = Limits(max_tension=30.0)
+    found = bs.inverse_kinematics(robot, tip, limits=limits, distance_margin=0)
     assert found.status == "unreachable"
     assert found.tensions[0] == 30.0 and found.binding[0] == 1
     assert "the largest tension of tendon 1 (30 N)" in found.message()
     with pytest.raises(NoSolutionError, match="largest tension of tendon 1"):
         found.raise_for_status()
     # limits bind the nearest tip, whatever the margin permits
-    relaxed = bs.inverse_kinematics(robot, tip, max_tension=30.0)
+    relaxed = bs.inverse_kinematics(robot, tip, limits=limits)
     assert relaxed.tensions[0] < 30.0 and relaxed.binding.tolist() == found.binding.tolist()
     # each tendon has its own limits
-    found = bs.inverse_kinematics(robot, tip, min_tension=[2.0, 3.0, 4.0], max_tension=70.0)
+    found = bs.inverse_kinematics(robot, tip, limits=Limits([2.0, 3.0, 4.0], 70.0))
     assert (found.tensions >= [2.0, 3.0, 4.0]).all()
-    held = bs.inverse_kinematics(robot, tip, min_tension=[0, 5, 0], max_tension=[70, 5, 70])
+    held = bs.inverse_kinematics(robot, tip, limits=Limits([0, 5, 0], [70, 5, 70]))
     assert held.tensions[1] == 5.0
 
 
@@ -237,7 +242,7 @@ def test_positions_with_directions_are_reached(name):
     poses = bs.solve_batch(robot, tensions)
     tips, tangents = poses.tip_position, poses.tip_rotation[..., 2]
     found = bs.inverse_kinematics(
-        robot, tips, direction=3.0 * tangents, max_tension=most, path=False
+        robot, tips, direction=3.0 * tangents, limits=Limits(max_tension=most), path=False
     )
     # two segments have four bends and the pose five numbers: only the tensions' own pose is exact
     assert found.reached.mean() > (0.95 if name == "crl-ftdcr-v4" else 0.9)
@@ -265,7 +270,7 @@ def test_path_is_followed_without_jumps():
 
 def test_displacements_lead_to_the_same_pose(rao):
     tips = np.linspace([0.05, 0.02, 0.385], [0.12, 0.05, 0.36], 10)
-    found = bs.inverse_kinematics(rao, tips, min_tension=0.5).raise_for_status()
+    found = bs.inverse_kinematics(rao, tips, limits=Limits(min_tension=0.5)).raise_for_status()
     landed = found.land(control="displacements").raise_for_status()
     assert np.abs(landed.tip_position - tips).max() < 1e-7
     assert np.abs(landed.tensions - found.tensions).max() < 5e-3
@@ -349,7 +354,7 @@ def test_the_way_back_takes_less_tension_than_the_way_there():
     tips = np.concatenate([there, there[6:2:-1]])
     found = bs.inverse_kinematics(robot, tips)
     assert np.max(found.distance) < 1e-3 * robot.length
-    without = bs.inverse_kinematics(free, tips, max_tension=60.0).tensions
+    without = bs.inverse_kinematics(free, tips, limits=Limits(max_tension=60.0)).tensions
     for out, back in ((6, 8), (5, 9), (4, 10), (3, 11)):
         assert found.tensions[out, 0] > 1.01 * without[out, 0]
         assert found.tensions[back, 0] < 0.98 * found.tensions[out, 0]
@@ -378,7 +383,7 @@ def test_friction_with_a_direction_and_from_home():
 
 def test_out_of_reach_with_friction_is_not_called_reached():
     robot, _ = rubbing(0.1)
-    found = bs.inverse_kinematics(robot, [0.3, 0.0, 0.0], max_tension=2.0)
+    found = bs.inverse_kinematics(robot, [0.3, 0.0, 0.0], limits=Limits(max_tension=2.0))
     assert found.status == "max_iterations"
     assert (found.tensions <= 2.0 + 1e-12).all()
     assert found.distance > 0.01
@@ -391,7 +396,7 @@ def test_displacements_are_kept_within_limits(rao, least):
     position = [0.12, 0.05, 0.36]
     free = bs.inverse_kinematics(rao, position)
     limits = (least, 0.0078)
-    found = bs.inverse_kinematics(rao, position, displacement_limits=limits)
+    found = bs.inverse_kinematics(rao, position, limits=Limits(displacement_limits=limits))
     assert found.status == "reached" and found.distance < 1e-6 * rao.length
     moved = bs.solve(rao, found.tensions).displacements()  # by a solve of its own
     assert (moved > limits[0] - 1e-8).all() and (moved < limits[1] + 1e-8).all()
@@ -414,7 +419,7 @@ def test_displacements_are_kept_within_limits(rao, least):
 
 def test_displacement_limits_that_bind_are_named(robot):
     tips = bs.sweep(robot, [[60, 0, 0], [20, 0, 0]]).tip_position
-    found = bs.inverse_kinematics(robot, tips, displacement_limits=[-0.05, 0.02])
+    found = bs.inverse_kinematics(robot, tips, limits=Limits(displacement_limits=[-0.05, 0.02]))
     assert found.status == ["unreachable", "reached"]
     assert found.binding[0, 0] == 2 and not found.binding[1].any()
     assert "the largest displacement of tendon 1 (20 mm)" in found.message(0)
@@ -427,8 +432,8 @@ def test_displacement_limits_that_bind_are_named(robot):
 
 def test_each_tendon_can_have_its_own_limits(robot):
     tip = bs.solve(robot, [30, 0, 10]).tip
-    limits = [[-1, -1, -1], [1, 1, 0.0]]
-    found = bs.inverse_kinematics(robot, tip.position, displacement_limits=limits)
+    limits = Limits(displacement_limits=[[-1, -1, -1], [1, 1, 0.0]])
+    found = bs.inverse_kinematics(robot, tip.position, limits=limits)
     assert found.displacements()[2] < 1e-8
 
 
@@ -438,7 +443,7 @@ def test_path_with_gaps_and_jumps_is_followed(rao):
     tips[7] = [0.0, 0.0, -0.3]
     tips[8] = tips[7]
     tips[20] = [0.0, 0.0, 0.0]
-    found = bs.inverse_kinematics(rao, tips, max_tension=most)
+    found = bs.inverse_kinematics(rao, tips, limits=Limits(max_tension=most))
     there = np.ones(len(tips), dtype=bool)
     there[[7, 8, 20]] = False
     assert found.reached[there].all() and not found.reached[~there].any()
@@ -464,11 +469,12 @@ def test_loads_that_change_along_a_path(rao):
 def test_one_tendon_bends_in_its_plane(robot):
     tip = bs.solve(robot, [50.0, 0.0, 0.0]).tip.position
     # two tendons are held slack
-    found = bs.inverse_kinematics(robot, tip, max_tension=[80.0, 0.0, 0.0])
+    limits = Limits(max_tension=[80.0, 0.0, 0.0])
+    found = bs.inverse_kinematics(robot, tip, limits=limits)
     assert found.status == "reached"
     np.testing.assert_allclose(found.tensions, [50.0, 0.0, 0.0], atol=1e-3)
     side = np.array([0.0, 0.05, 0.0])
-    aside = bs.inverse_kinematics(robot, tip + side, max_tension=[80.0, 0.0, 0.0])
+    aside = bs.inverse_kinematics(robot, tip + side, limits=limits)
     assert aside.status == "unreachable"
     assert aside.nearest_distance == pytest.approx(0.05, rel=1e-6)
 

@@ -443,16 +443,19 @@ ON_ONE = {"load": load(point_loads=[BETWEEN]), "model": ONE_ELEMENT}
         (lambda: modes(ROBOT, count=0), "count"),
         # limits of displacements
         (
-            lambda: bs.inverse_kinematics(ROBOT, TIP, displacement_limits=[0.01, -0.01]),
+            lambda: bs.ActuationLimits(displacement_limits=[0.01, -0.01]).displacements(ROBOT),
             "must be finite, and the least below the largest",
         ),
         (
-            lambda: bs.inverse_kinematics(ROBOT, TIP, displacement_limits=[0.01]),
+            lambda: bs.ActuationLimits(displacement_limits=[0.01]).displacements(ROBOT),
             "it must be (2,) or (2, 3)",
         ),
         (
             lambda: bs.inverse_kinematics(
-                ROBOT, TIP, displacement_limits=[-1, 1], model="constant_curvature"
+                ROBOT,
+                TIP,
+                limits=bs.ActuationLimits(displacement_limits=[-1, 1]),
+                model="constant_curvature",
             ),
             "are for physics",
         ),

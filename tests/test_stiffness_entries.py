@@ -16,7 +16,7 @@ from bowstring.robot.designs import Designs
 from bowstring.robot.paths import find, full_paths
 from bowstring.robot.writer import to_yaml
 from bowstring.statics.design_sweeps import sweep_designs
-from bowstring.uncertainty import read_distributions
+from bowstring.uncertainty import SaltelliDesign, read_distributions
 from bowstring.validity.loading import Loading
 from bowstring.validity.maps import validity_map
 from bowstring.validity.sentences import described
@@ -200,4 +200,5 @@ def test_advice_is_on_numbers_that_the_robot_has() -> None:
         read_distributions({"stiffness.0.0": {"normal": {"sd": 0.01}}}, ROBOT)
     assumed = bs.validity.spread.assumed_distributions(ROBOT)  # type: ignore[attr-defined]
     assert assumed.paths == ("segments.0.tendons.pitch_radius",)
-    assert validity_spread(ROBOT, assumed, points=32, loading=Loading(8.0, 5)).limit.size
+    design = SaltelliDesign(assumed, 32)
+    assert validity_spread(ROBOT, design, loading=Loading(8.0, 5)).limit.size

@@ -629,7 +629,7 @@ def test_the_terminal_begins_with_the_verdict_in_27_lines(paper: Study, width: i
 def test_a_limit_of_0_in_most_samples_has_no_factor(paper: Study) -> None:
     """A transverse gravity bends the straight robot, which constant curvature does not know."""
     numbers = {"gravity.x": {"normal": {"mean": 0.0, "sd": 3.0}}}
-    spread = validity_spread(paper.robot, numbers, points=256)
+    spread = validity_spread(paper.robot, numbers)
     how = dict(summarise(replace(paper, spreads=(spread,))).findings)["How sure"]
     share = f"{100.0 * spread.share_exceeded:.0f} %"
     assert how.endswith(f"from force the limit is 0 N in {share} of the samples")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tests.shell import Shell
 import bowstring as bs
 from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
+from bowstring.uncertainty import SaltelliDesign, read_distributions
 from bowstring.validity.loading import Loading
 from bowstring.validity.spread import Spread, assumed_distributions, validity_spread
 from objects import legend_of
@@ -25,28 +27,32 @@ DISTRIBUTIONS = {
 }
 
 
+def design(numbers: dict[str, Any], points: int = 64) -> SaltelliDesign:
+    return SaltelliDesign(read_distributions(numbers, ROBOT), points)
+
+
 @pytest.fixture(scope="module")
 def found() -> Spread:
-    return validity_spread(ROBOT, DISTRIBUTIONS, points=256)
+    return validity_spread(ROBOT, design(DISTRIBUTIONS, 256))
 
 
 @pytest.fixture(scope="module")
 def held() -> Spread:
     """A model that holds everywhere."""
     by_lengths = {E: {"normal": {"sd": "2 %"}}}
-    return validity_spread(ROBOT, by_lengths, name="cc_from_lengths", points=64)
+    return validity_spread(ROBOT, design(by_lengths), name="cc_from_lengths")
 
 
 @pytest.fixture(scope="module")
 def wide() -> Spread:
     """Limits beyond the end of the sweep."""
     numbers = {E: {"normal": {"sd": "5 %"}}}
-    return validity_spread(ROBOT, numbers, points=64, loading=Loading(60.0))
+    return validity_spread(ROBOT, design(numbers), loading=Loading(60.0))
 
 
 def test_the_limit_of_each_sample_is_that_of_its_robot(found: Spread) -> None:
     """Constant curvature keeps the nominal numbers; the crossing is found on 401 loads."""
-    samples = bs.uncertainty.SaltelliDesign(found.distributions, 256)
+    samples = SaltelliDesign(found.distributions, 256)
     rows = samples.block(0, len(samples))[samples.rows_of_sample]
     force = np.linspace(0.0, found.max_tension, 401)
     tensions = np.outer(force, [1.0, 0.0, 0.0])
@@ -93,7 +99,7 @@ def test_a_model_that_holds_everywhere_says_so(held: Spread) -> None:
 )
 def test_bad_distributions_are_refused(distributions: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        validity_spread(ROBOT, distributions, points=64)
+        validity_spread(ROBOT, distributions)
 
 
 @pytest.mark.parametrize(
@@ -111,16 +117,15 @@ def test_the_assumed_numbers_are_those_that_the_robot_lets_vary(
     assumed = assumed_distributions(changed)
     assert all(any(part in path for path in assumed.paths) for part in varied)
     assert any(path.endswith(".E") for path in assumed.paths)
-    spread = validity_spread(changed, assumed, points=32, loading=Loading(points=5))
+    spread = validity_spread(changed, SaltelliDesign(assumed, 32), loading=Loading(points=5))
     assert spread.limit_text
 
 
 def test_friction_makes_each_sample_a_path() -> None:
     """Constant curvature from force knows no friction, so its limit follows from the path."""
     friction = "segments.*.tendons.friction"
-    found = validity_spread(
-        ROBOT, {friction: {"uniform": {"from": 0.1999, "to": 0.2001}}}, points=64
-    )
+    numbers = {friction: {"uniform": {"from": 0.1999, "to": 0.2001}}}
+    found = validity_spread(ROBOT, design(numbers))
     tensions = np.outer(np.linspace(0.0, 60.0, 241), [1.0, 0.0, 0.0])
     path = bs.sweep(ROBOT.with_({"segments.0.tendons.friction": 0.2}), tensions)
     arcs = RobotArcs.from_tensions(ROBOT, tensions[1:]).tip.position
@@ -134,7 +139,7 @@ def test_rods_of_another_theory() -> None:
     """Without shear and extension the limit is another one, but not far from it."""
     sure = {E: {"normal": {"sd": "0.001 %"}}}
     limits = [
-        validity_spread(ROBOT, sure, points=64, model=bs.RodModel(theory)).nominal
+        validity_spread(ROBOT, design(sure), model=bs.RodModel(theory)).nominal
         for theory in ("cosserat", "kirchhoff")
     ]
     assert limits[0] != limits[1]
@@ -182,9 +187,8 @@ def test_the_command_warns_of_a_robot_outside_its_distribution(
 
 def test_loads_may_be_given() -> None:
     load = bs.Load(gravity=[0.0, 0.0, 9.81])
-    found = validity_spread(
-        ROBOT, {E: {"normal": {"sd": "1 %"}}}, points=64, load=load, loading=Loading(40.0, 9)
-    )
+    numbers = design({E: {"normal": {"sd": "1 %"}}})
+    found = validity_spread(ROBOT, numbers, load=load, loading=Loading(40.0, 9))
     assert found.max_tension == 40.0 and np.isfinite(found.error).all()
 
 
@@ -196,7 +200,7 @@ def test_the_interval_has_two_ends_also_beyond_the_sweep(wide: Spread) -> None:
 def test_samples_that_hold_nowhere_are_counted() -> None:
     """A transverse gravity bends the straight robot, which constant curvature does not know."""
     numbers = {"gravity.x": {"normal": {"mean": 0.0, "sd": 3.0}}}
-    lost = validity_spread(ROBOT, numbers, points=256)
+    lost = validity_spread(ROBOT, design(numbers, 256))
     share = (lost.limit == 0.0).mean()
     assert lost.share_exceeded == share and 0.5 < share < 0.9
     assert lost.to_dict()["exceeded_at_first_load_percent"] == pytest.approx(100.0 * share)
@@ -204,7 +208,7 @@ def test_samples_that_hold_nowhere_are_counted() -> None:
     assert lost.text[0].startswith(words) and "up to 0 N" not in lost.text[0]
     assert lost.limit_text == f"0 N in {100.0 * share:.0f} % of the samples"
     numbers["gravity.x"] = {"normal": {"mean": 0.0, "sd": 0.8}}
-    few = validity_spread(ROBOT, numbers, points=256)
+    few = validity_spread(ROBOT, design(numbers, 256))
     assert 0.025 < few.share_exceeded < 0.5
     assert f"{100.0 * few.share_exceeded:.0f} % of the samples exceed the tolerance" in few.text[0]
 
@@ -232,8 +236,7 @@ def test_the_legend_names_the_bound_that_is_drawn(wide: Spread) -> None:
 def test_samples_that_are_not_solved_to_their_limit_are_counted() -> None:
     """With a tolerance that no arc exceeds, the limit is where the solved loads of a robot end."""
     wide = {E: {"uniform": {"from": 20e9, "to": 60e9}}}
-    options = {"points": 64, "loading": Loading(1000.0, 5), "tolerance": 0.95}
-    found = validity_spread(ROBOT, wide, **options)  # type: ignore[arg-type]
+    found = validity_spread(ROBOT, design(wide), loading=Loading(1000.0, 5), tolerance=0.95)
     assert 0.02 < (~found.solved).mean() < 0.9 and found.nominal_solved
     lost = found.limit[~found.solved]
     assert np.isfinite(lost).all() and np.isnan(found.error[~found.solved]).all()

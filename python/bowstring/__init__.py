@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from bowstring._core import RodModel, __version__
     from bowstring.cad.solid import make_solid
     from bowstring.calibration.fitting import Fit, fit
+    from bowstring.calibration.priors import Prior
     from bowstring.calibration.table_fit import Calibration, calibrate
     from bowstring.data.measurements import Measurements, read_measurements, write_measurements
     from bowstring.data.tendon_check import check_tendons
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from bowstring.integrations.live import view
     from bowstring.inverse.compiled import compile_robot
     from bowstring.inverse.kinematics import inverse_kinematics
+    from bowstring.inverse.limits import ActuationLimits
     from bowstring.inverse.solution import InverseSolution
     from bowstring.robot.model import Robot
     from bowstring.robot.reader import load_robot, robot_names, robot_schema
@@ -89,6 +91,7 @@ if TYPE_CHECKING:
     from bowstring.validity.workspace import WorkspaceMap, workspace_map
 
 __all__ = [
+    "ActuationLimits",
     "BaseMotion",
     "Branch",
     "BranchDiagram",
@@ -114,6 +117,7 @@ __all__ = [
     "Output",
     "Plane",
     "PointLoad",
+    "Prior",
     "Ramp",
     "Reach",
     "Robot",
@@ -185,6 +189,7 @@ _HOME = {
         "_core": "RodModel __version__",
         "cad.solid": "make_solid",
         "calibration.fitting": "Fit fit",
+        "calibration.priors": "Prior",
         "calibration.table_fit": "Calibration calibrate",
         "data.measurements": "Measurements read_measurements write_measurements",
         "data.tendon_check": "check_tendons",
@@ -195,6 +200,7 @@ _HOME = {
         "dynamics.simulation": "Output Run Start simulate",
         "inverse.compiled": "compile_robot",
         "inverse.kinematics": "inverse_kinematics",
+        "inverse.limits": "ActuationLimits",
         "inverse.solution": "InverseSolution",
         "robot.model": "Robot",
         "robot.reader": "load_robot robot_names robot_schema",

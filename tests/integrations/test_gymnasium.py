@@ -20,7 +20,7 @@ gymnasium = pytest.importorskip(
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from bowstring.gymnasium import REACH, ReachEnv, ReachVectorEnv  # noqa: E402
+from bowstring.gymnasium import REACH, MotionSettings, ReachEnv, ReachVectorEnv  # noqa: E402
 
 
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
@@ -69,7 +69,8 @@ def test_an_observation_holds_what_it_says() -> None:
 
 def test_a_target_is_reached_in_its_equilibrium() -> None:
     """The target is a tip of statics: damped and under its tensions the robot comes there."""
-    env = ReachEnv("amouri2019", max_tension=40, integrator=bs.Integrator(mass_damping=20.0))
+    motion = MotionSettings(integrator=bs.Integrator(mass_damping=20.0))
+    env = ReachEnv("amouri2019", max_tension=40, motion=motion)
     _, info = env.reset(seed=11)
     twin = np.random.default_rng(0)
     twin.bit_generator.state = gymnasium.utils.seeding.np_random(11)[0].bit_generator.state
@@ -132,6 +133,7 @@ def test_a_motion_that_fails_terminates() -> None:
     [
         ({"max_tension": -1.0}, "max_tension is -1 N"),
         ({"dtype": "int8"}, "dtype is 'int8'"),
+        ({"motion": 0.01}, "motion is 0.01, it must be a MotionSettings"),
         ({"render_mode": "human"}, "render_mode is 'human'"),
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
         ({"robot": "nobody"}, "nobody"),

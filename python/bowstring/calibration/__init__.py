@@ -13,7 +13,7 @@ from bowstring.calibration.model_comparison import (
 from bowstring.calibration.observations import Data, PointScore, Score, score
 from bowstring.calibration.orientation_fit import AngleScore, OrientationFit, fit_orientation
 from bowstring.calibration.prediction import Predicted, predict_with_interval
-from bowstring.calibration.priors import default_priors
+from bowstring.calibration.priors import Prior, default_priors
 from bowstring.calibration.residual import Corrected, Hyperparameters, Residual, fit_residual
 from bowstring.calibration.residual_comparison import Compared, ResidualStudy, study_residual
 from bowstring.calibration.residual_file import read_residual
@@ -39,6 +39,7 @@ __all__ = [
     "OrientationFit",
     "PointScore",
     "Predicted",
+    "Prior",
     "Residual",
     "ResidualStudy",
     "Score",

@@ -32,7 +32,7 @@ from bowstring.calibration.observations import (
 )
 from bowstring.calibration.parameters import Unknowns, initial_of, marker_of
 from bowstring.calibration.pieces import Loss
-from bowstring.calibration.priors import PriorChoice, Priors, read_priors
+from bowstring.calibration.priors import Prior, Priors, deviations_of, names_of, with_priors
 from bowstring.calibration.search import Nearby, Residuals, Search, spread
 from bowstring.calibration.tip_model import Commands, Prediction, TipModel
 from bowstring.data.rigid import align
@@ -344,13 +344,12 @@ class Fit(EndOfFit):
 def fit(
     robot: Robot,
     data: Measured,
-    parameters: Sequence[str],
+    parameters: Sequence[str | Prior],
     *,
     model: RodModel | Literal["arc"] | None = None,
     start: Mapping[str, float] | None = None,
     rows: ArrayLike | None = None,
     loss: Loss = "soft_l1",
-    priors: PriorChoice = None,
 ) -> Fit:
     """Fit parameters of a robot, its actuation and its frames to measured points.
 
@@ -363,25 +362,26 @@ def fit(
         weighted by their uncertainty where it varies. A stated tool is kept unless it is fitted or
         given in `start`. All points with stations are fitted, each where it is measured, on the
         disk at its station; without stations the tip alone is.
-    parameters : sequence of str
-        Names of parameters. Fields of the robot file by path, with ``*`` or as a short name for one
-        value shared by all, also of a list of tendons: ``segments.0.backbone.E``, ``E``,
+    parameters : sequence of str or Prior
+        Names of parameters, or `bowstring.Prior` of those whose values are known approximately.
+        Fields of the robot file by path, with ``*`` or as a short name for one value shared by all,
+        also of a list of tendons: ``segments.0.backbone.E``, ``E``,
         ``segments.*.tendons.compliance``. For all, each segment or each tendon (``gain``,
         ``gain.segments``, ``gain.tendons``, ``gain.tendons.4``): ``gain`` of displacements or
         tensions; ``offset`` of displacements, positive where a tendon is too short, or of tensions,
         if all commands are; ``backlash``, half the dead travel of a displacement. For all or each
-        segment: the field ``hole_clearance`` (``hole_clearance.segments``);
-        ``hole_angle``, an added angle; ``pitch_radius``, a factor; ``bend_gain`` of constant
-        curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's base in the
-        measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the last measured
-        point, the tip, in the frame of its disk. ``marker.0``, ``marker.1`` and so on: the points
-        below it in the frames of their disks, from base to tip, ``marker.0.x`` to ``marker.0.z``;
-        zero by default. ``initial_displacement`` (of path 0, with a number that of another path;
+        segment: the field ``hole_clearance`` (``hole_clearance.segments``); ``hole_angle``, an
+        added angle; ``pitch_radius``, a factor; ``bend_gain`` of constant curvature. ``delay`` of
+        the tip behind the commands in s. ``base``: the robot's base in the measuring frame,
+        ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the last measured point, the tip,
+        in the frame of its disk. ``marker.0``, ``marker.1`` and so on: the points below it in the
+        frames of their disks, from base to tip, ``marker.0.x`` to ``marker.0.z``; zero by default.
+        ``initial_displacement`` (of path 0, with a number that of another path;
         ``initial_displacement.0.4`` of one tendon) and ``initial_tension``: the commands at which
         the robot rested before the first row of a path, less those of the first row, for a memory
         whose state there is not known. The tension of a tendon with a displacement there is that at
         rest; creep needs it. Other tables begin in the home pose. The prior is half the range of
-        the tendon's commands, unless `priors` has another.
+        the tendon's commands, unless a `Prior` has another.
     model : RodModel or "arc", optional
         Statics of `bowstring.solve`, by default with one element; or constant curvature from tendon
         lengths (from tensions where the rows have them), with segments of constant length.
@@ -392,12 +392,6 @@ def fit(
     loss : {"linear", "soft_l1", "huber"}
         Loss function; robust ones become linear beyond two standard deviations, which are
         estimated from the data.
-    priors : "default" or mapping from name to float, optional
-        Standard deviations in SI of parameters about their nominal values: those of the robot file,
-        1 for ``gain``, ``pitch_radius`` and ``bend_gain``, 0 for the other parameters of the
-        actuation, and the initial value for ``base``, ``tool`` and ``marker``. A name stands for
-        its group (``gain`` for ``gain.tendons``), a later one replaces an earlier one, and infinity
-        takes a prior away. ``"default"``: `bowstring.calibration.default_priors`.
 
     Returns
     -------
@@ -423,21 +417,18 @@ def fit(
     1981, 7.6), with any errors within a row, and independent rows. The estimates weight all points
     of a row alike. With priors they are those of the posterior, theory Eqs 7.3 to 7.5.
     """
-    return fit_from(
-        [start or {}], robot, data, parameters, model=model, rows=rows, loss=loss, priors=priors
-    )
+    return fit_from([start or {}], robot, data, parameters, model=model, rows=rows, loss=loss)
 
 
 def fit_from(
     starts: Sequence[Mapping[str, float]],
     robot: Robot,
     data: Measured,
-    parameters: Sequence[str],
+    parameters: Sequence[str | Prior],
     *,
     model: RodModel | Literal["arc"] | None = None,
     rows: ArrayLike | None = None,
     loss: Loss = "soft_l1",
-    priors: PriorChoice = None,
     near: Nearby | None = None,
 ) -> Fit:
     """Fit as `fit`, from the best of several starts after a rough descent from each.
@@ -450,7 +441,7 @@ def fit_from(
     said = dict(zip(("tool.x", "tool.y", "tool.z"), observations.tool(data).tolist(), strict=True))
     begin = {name: value for name, value in said.items() if value} | dict(start)
     by_tension = observations.commands(data, robot).are_tensions
-    unknowns = Unknowns(robot, parameters, begin, by_tension=by_tension)
+    unknowns = Unknowns(robot, names_of(parameters), begin, by_tension=by_tension)
     if not unknowns.items:
         raise InputError(f"parameters is empty; name one at least, as {example_path(robot)}")
     refuse_bend_gain(unknowns, rod)
@@ -464,7 +455,8 @@ def fit_from(
             f"{len(commands)} rows are too many to fit statics to, {_MOST_ROWS} are possible; keep "
             f"one row of {-(-len(commands) // _MOST_ROWS)}"
         )
-    deviations = _initial_priors(unknowns, commands) | read_priors(priors, robot, unknowns)
+    deviations = _initial_priors(unknowns, commands)
+    deviations |= deviations_of(robot, parameters, by_tension=by_tension)
     frames = {k: v for k, v in begin.items() if k.partition(".")[0] in _OF_FRAMES}
     nominal = Unknowns(robot, unknowns.names, frames, by_tension=by_tension)
     free = Priors.of(unknowns, nominal, deviations).free
@@ -477,13 +469,13 @@ def fit_from(
     sigma = observations.sigmas(data, len(commands))
     group = observations.groups(data, len(commands))
     line, shared = getattr(data, "line", None), near.shared if near else None
-    of_others = {k: v for k, v in deviations.items() if not _is_friction(k)}
-    again = partial(fit, data=data, rows=rows, loss=loss, model=rod, priors=of_others)
+    others = with_priors([n for n in unknowns.names if not _is_friction(n)], deviations)
+    again = partial(fit, data=data, parameters=others, rows=rows, loss=loss, model=rod)
     passes: list[int] = []
 
     def attempt(start: Mapping[str, float]) -> tuple[Search, Any] | BowstringError:
         """Rough descent from a start."""
-        own = Unknowns(robot, parameters, begin | dict(start), by_tension=by_tension)
+        own = Unknowns(robot, unknowns.names, begin | dict(start), by_tension=by_tension)
         of_points = TipModel(own, commands, rod, points.disks, shared)
         prior = Priors.of(own, nominal, deviations)
         work = Residuals(of_points, points.measured, used, sigma, prior, line)
@@ -508,8 +500,8 @@ def fit_from(
     own = {*unknowns.names, *start}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
     part = parts(data, commands.values, used, _BLOCKS)
-    given: dict[str, Any] = {"model": model, "loss": loss, "priors": priors}
-    same = partial(fit_from, starts=[start], robot=robot, parameters=parameters, **given)
+    given: dict[str, Any] = {"parameters": parameters, "model": model, "loss": loss}
+    same = partial(fit_from, starts=[start], robot=robot, **given)
     return _result(search, found, tool_said, points, part, same)
 
 
@@ -628,10 +620,9 @@ def _from_frictionless(
 ) -> Floats:
     """Initial scaled values of a fit with friction: those without friction, if better."""
     smooth = {path: 0.0 for path in work.model.unknowns.friction_paths}
-    others = [name for name in work.model.unknowns.names if not _is_friction(name)]
     held = {k: v for k, v in start.items() if not _is_friction(k)}
     try:
-        plain = again(robot.with_(smooth), parameters=others, start=held)
+        plain = again(robot.with_(smooth), start=held)
     except BowstringError:
         return first
     work.model.solves += plain.evaluations

@@ -37,7 +37,7 @@ from bowstring.calibration.model_choice import (
 from bowstring.calibration.observations import Score, score_of_errors
 from bowstring.calibration.parameters import Unknowns, initial_of
 from bowstring.calibration.pieces import Loss
-from bowstring.calibration.priors import PriorChoice, default_priors, read_priors
+from bowstring.calibration.priors import Prior, deviations_of, names_of, with_priors
 from bowstring.calibration.residual import model_points, refuse_disorder
 from bowstring.calibration.residual_comparison import of_arcs
 from bowstring.calibration.tip_model import Commands
@@ -225,11 +225,10 @@ class _Candidate:
 def compare_models(
     robot: Robot,
     data: Measurements,
-    parameters: Sequence[str],
+    parameters: Sequence[str | Prior],
     *,
     folds: int = 5,
     validation: Measurements | None = None,
-    priors: PriorChoice = None,
     loss: Loss = "soft_l1",
     memories: Sequence[Memory] = MEMORIES,
     progress: Progress | None = None,
@@ -242,7 +241,7 @@ def compare_models(
         As for `bowstring.fit`.
     data : Measurements
         Table of measurements, as `bowstring.read_measurements` gives it.
-    parameters : sequence of str
+    parameters : sequence of str or Prior
         Parameters of the calibrated rod, as for `bowstring.fit`. Calibrated constant curvature has
         those that it knows, and one ``bend_gain`` for each segment. Models as the robot file has
         them fit only those of ``base`` and ``tool``. Those of an initial state are of models with a
@@ -253,8 +252,6 @@ def compare_models(
         loading and unloading, may be split.
     validation : Measurements, optional
         Another table of the same bench, which every model predicts without registration to it.
-    priors : "default" or mapping from name to float, optional
-        As for `bowstring.fit`; a mapping names parameters of the calibrated rod.
     loss : {"linear", "soft_l1", "huber"}
         As for `bowstring.fit`.
     memories : sequence of {"backlash", "friction", "hysteresis", "creep", "relaxation"}
@@ -300,10 +297,11 @@ def compare_models(
     from three plays, those of creep and relaxation from three times, as their errors have several
     minima.
     """
-    work = _Work.of(robot, data, parameters, folds, validation, progress, loss)
-    candidates = _candidates(robot, parameters)
-    whole = Unknowns(robot, parameters, by_tension=work.commands.are_tensions)
-    work.priors, work.known = priors, read_priors(priors, robot, whole)
+    names = names_of(parameters)
+    work = _Work.of(robot, data, names, folds, validation, progress, loss)
+    candidates = _candidates(robot, names)
+    by_tension = work.commands.are_tensions
+    work.known = deviations_of(robot, parameters, by_tension=by_tension)
     for memory in [memories] if isinstance(memories, str) else memories:
         if memory not in MEMORIES:
             raise InputError(f"memory {shown(memory)} is unknown; memories are {listed(MEMORIES)}")
@@ -313,8 +311,8 @@ def compare_models(
         if validation is not None:
             others = observations.commands(validation, robot)
             refuse_disorder(others, f"in {validation.name} a memory needs")
-    names = [*(each.name for each in candidates), *(_OF_MEMORY[each] for each in asked)]
-    work.total = sum(_TIME[name] for name in names)
+    called = [*(each.name for each in candidates), *(_OF_MEMORY[each] for each in asked)]
+    work.total = sum(_TIME[name] for name in called)
     models: list[JudgedModel] = []
     try:
         for each in candidates:
@@ -322,12 +320,12 @@ def compare_models(
         rod = models[-1]
         work.rod = rod.fitted
         for memory in asked:
-            models.append(_with_memory(work, parameters, memory, rod))
+            models.append(_with_memory(work, names, memory, rod))
         work.notify("done", 1.0)
         return _compared(work, models)
     except KeyboardInterrupt:
         interrupts.acknowledge()
-        raise ComparisonInterrupted(models, names[len(models) :], work.folds) from None
+        raise ComparisonInterrupted(models, called[len(models) :], work.folds) from None
 
 
 def _compared(work: _Work, models: Sequence[JudgedModel]) -> ModelComparison:
@@ -378,7 +376,7 @@ def _candidates(robot: Robot, parameters: Sequence[str]) -> list[_Candidate]:
     arcs, _ = of_arcs(whole, {})
     return [
         _Candidate("cc", frames, arcs=True),
-        _Candidate("cc_calibrated", tuple(arcs), arcs=True),
+        _Candidate("cc_calibrated", tuple(names_of(arcs)), arcs=True),
         _Candidate("rod", frames),
         _Candidate("rod_calibrated", whole),
     ]
@@ -447,7 +445,6 @@ class _Work:
     total: float = 1.0  # in times of the calibrated rod
     done: float = 0.0
     rod: Score | None = None  # of the calibrated rod at the fitted rows
-    priors: PriorChoice = None
     known: Mapping[str, float] = field(default_factory=dict)  # priors of the calibrated rod
 
     @classmethod
@@ -502,13 +499,11 @@ class _Work:
             self.done += _TIME[model.name]
 
     def _fitted(self, model: _Candidate) -> JudgedModel:
-        names, own = Unknowns(self.robot, model.parameters).names, self.known
-        if self.priors == "default":
-            own = default_priors(self.robot, names, by_tension=self.commands.are_tensions)
-        priors = {name: value for name, value in own.items() if name in names}
+        parameters = with_priors(Unknowns(self.robot, model.parameters).names, self.known)
         kind: Literal["arc"] | None = "arc" if model.arcs else None
-        options: Any = {"model": kind, "loss": self.loss, "priors": priors}
-        found = fit_from(model.starts, self.robot, self.data, model.parameters, **options)
+        found = fit_from(
+            model.starts, self.robot, self.data, parameters, model=kind, loss=self.loss
+        )
         why = "" if found.converged else found.message.partition(". ")[0]
         if model.added and (why := why or self._no_effect(found, model)):
             return JudgedModel(model.name, model.parameters, found, reason=why)

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -19,8 +19,6 @@ from bowstring.calibration.parameters import Unknown, Unknowns
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.validation import shown
-
-PriorChoice = Literal["default"] | Mapping[str, float] | None
 
 #: Default standard deviations of the actuation, SI.
 _ACTUATION: Final = {
@@ -32,6 +30,40 @@ _ACTUATION: Final = {
 }
 #: Default standard deviation of the place of a hole in each direction, m.
 _HOLE: Final = 2e-4
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A parameter of a fit with a normal prior about its nominal value.
+
+    The nominal value is that of the robot file, 1 for ``gain``, ``pitch_radius`` and ``bend_gain``,
+    0 for the other parameters of the actuation, and the initial value for ``base``, ``tool`` and
+    ``marker``.
+
+    Parameters
+    ----------
+    name : str
+        Name of a parameter of `bowstring.fit`, or of a group whose members all have this prior.
+    sd : float, optional
+        Standard deviation in SI. The default is that of `default_priors`.
+
+    Raises
+    ------
+    InputError
+        If the standard deviation is not a number above 0.
+    """
+
+    name: str
+    sd: float | None = None
+
+    def __post_init__(self) -> None:
+        number = isinstance(self.sd, (int, float, np.number)) and not isinstance(self.sd, bool)
+        if self.sd is not None and not (number and 0 < self.sd < math.inf):
+            raise InputError(
+                f"prior of {self.name} is {shown(self.sd)}, it must be a standard deviation above "
+                "0, in SI",
+                argument="parameters",
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +123,8 @@ def default_priors(
     Returns
     -------
     dict from name to float
-        Standard deviations in SI, for ``priors`` of `bowstring.fit`: 0.02 of a ``gain``, 0.5 mm of
-        an ``offset``, 0.1 mm of a ``backlash``, 0.2 mm of a
+        Standard deviations in SI, those of a `Prior` without one: 0.02 of a ``gain``, 0.5 mm of an
+        ``offset``, 0.1 mm of a ``backlash``, 0.2 mm of a
         ``hole_clearance``, 0.1 s of a ``delay``, and of the holes 0.2 mm in
         the radial and in the tangential direction (``pitch_radius``, ``hole_angle``, and the same
         fields of the robot file). Other parameters have none and are left out: nothing is known of
@@ -132,26 +164,39 @@ def _radius(robot: Robot, segments: Sequence[int] | None) -> float:
     return float(tendons.arm_m[which].mean())
 
 
-def read_priors(choice: PriorChoice, robot: Robot, unknowns: Unknowns) -> dict[str, float]:
-    """Check priors and return the finite standard deviations in SI by name of a parameter."""
-    if choice is None:
-        return {}
-    if isinstance(choice, str) and choice == "default":
-        return default_priors(robot, unknowns.names, by_tension=unknowns.by_tension)
-    if not isinstance(choice, Mapping):
-        raise InputError.of(
-            "priors", shown(choice), '"default", or a mapping of names to standard deviations'
-        )
+def names_of(parameters: Sequence[str | Prior]) -> Sequence[str]:
+    """Names of parameters with and without a prior."""
+    if isinstance(parameters, str):  # which `Unknowns` refuses
+        return parameters
+    return [each.name if isinstance(each, Prior) else each for each in parameters]
+
+
+def deviations_of(
+    robot: Robot, parameters: Sequence[str | Prior], *, by_tension: bool
+) -> dict[str, float]:
+    """Standard deviations in SI of the parameters with a prior, by name of a single parameter."""
     found: dict[str, float] = {}
-    for key, value in choice.items():
-        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-        if not (number and value > 0):
-            raise InputError(
-                f"prior of {key} is {shown(value)}, it must be a standard deviation above 0, in SI",
-                argument="priors",
-            )
-        found |= dict.fromkeys((item.name for item in matching(unknowns, key)), float(value))
-    return {name: value for name, value in found.items() if math.isfinite(value)}
+    for prior in parameters:
+        if not isinstance(prior, Prior):
+            continue
+        items = Unknowns(robot, [prior.name], by_tension=by_tension).items
+        if prior.sd is not None:
+            _check_units(prior.name, items)
+        for item in items:
+            deviation = _default(robot, item) if prior.sd is None else prior.sd
+            if deviation is None:
+                raise InputError(
+                    f"nothing is known of {item.name} in general; give its prior a standard "
+                    "deviation, in SI",
+                    argument="parameters",
+                )
+            found[item.name] = deviation
+    return found
+
+
+def with_priors(names: Sequence[str], deviations: Mapping[str, float]) -> list[str | Prior]:
+    """Parameters, with priors of those that have a standard deviation."""
+    return [Prior(name, deviations[name]) if name in deviations else name for name in names]
 
 
 def matching(unknowns: Unknowns, key: str) -> list[Unknown]:
@@ -171,13 +216,17 @@ def matching(unknowns: Unknowns, key: str) -> list[Unknown]:
         raise InputError(
             f"prior of {shown(key)} belongs to no fitted parameter; fitted are "
             f"{', '.join(unknowns.names)}",
-            argument="priors",
+            argument="parameters",
         )
+    _check_units(key, found)
+    return found
+
+
+def _check_units(key: str, found: Sequence[Unknown]) -> None:
     kinds = {(each.leaf, each.name.startswith("base.r"), each.unit) for each in found}
     if len({kind[:2] for kind in kinds}) > 1:
         raise InputError(
             f"prior of {key} is for several parameters with different units; name each: "
             f"{', '.join(each.name for each in found)}",
-            argument="priors",
+            argument="parameters",
         )
-    return found

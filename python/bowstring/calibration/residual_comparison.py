@@ -14,6 +14,7 @@ from bowstring.calibration import observations
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.gaussian_process import GaussianProcess
 from bowstring.calibration.observations import Score, score
+from bowstring.calibration.priors import Prior, names_of
 from bowstring.calibration.residual import LEAST_ROWS, Corrected, Residual, Table, fit_residual
 from bowstring.calibration.residual import learn as learn_residual
 from bowstring.calibration.table_fit import Calibration
@@ -171,27 +172,26 @@ def _rows_of(calibration: Calibration) -> _Rows:
 def _refitted(
     calibration: Calibration, robot: Robot, kind: Kind, data: Measurements, rows: Bools
 ) -> Fit:
-    found, names, start = calibration.fit, calibration.fit.names, calibration.start
-    priors = calibration.priors
+    found, parameters, start = calibration.fit, calibration.parameters, calibration.start
     if kind != found.model:
-        names, start = of_arcs(names, start)
-        if isinstance(priors, Mapping):
-            priors = {name: sd for name, sd in priors.items() if _head(name) in _OF_BOTH}
+        parameters, start = of_arcs(parameters, start)
     return fit(
         robot,
         data,
-        names,
+        parameters,
         model=found.rod if kind == "rod" else "arc",
         loss=calibration.loss,
         start=start,
         rows=rows,
-        priors=priors,
     )
 
 
-def of_arcs(names: Sequence[str], start: Mapping[str, float]) -> tuple[list[str], dict[str, float]]:
+def of_arcs(
+    parameters: Sequence[str | Prior], start: Mapping[str, float]
+) -> tuple[list[str | Prior], dict[str, float]]:
     """Parameters and start values of constant curvature, from those of statics."""
-    own = [name for name in names if _head(name) in _OF_BOTH]
+    named = zip(parameters, names_of(parameters), strict=True)
+    own = [each for each, name in named if _head(name) in _OF_BOTH]
     held = {name: v for name, v in start.items() if _head(name) in (*_OF_BOTH, *_OF_ARCS)}
     return [*own, "bend_gain.segments"], held
 

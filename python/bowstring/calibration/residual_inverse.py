@@ -22,6 +22,7 @@ from bowstring.calibration.tip_model import rotation
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.inverse.kinematics import inverse_kinematics
+from bowstring.inverse.limits import ActuationLimits
 from bowstring.inverse.solution import InverseSolution
 from bowstring.statics.load import Load
 
@@ -87,8 +88,7 @@ def inverse_with_residual(
     residual: Residual,
     position: ArrayLike,
     *,
-    min_tension: ArrayLike = 0.0,
-    max_tension: ArrayLike | None = None,
+    limits: ActuationLimits | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> CorrectedInverse:
     """Find commands that bring the measured point, predicted with a residual, to positions.
@@ -100,8 +100,8 @@ def inverse_with_residual(
     position : array_like (3,) or (K, 3)
         Wanted positions of the measured point in the measuring frame, m. Rows are one path in
         order, which memory states follow.
-    min_tension, max_tension : array_like () or (T,), optional
-        Limits of the tensions in N, as for `bowstring.inverse_kinematics`.
+    limits : ActuationLimits, optional
+        As for `bowstring.inverse_kinematics`.
     progress : callable, optional
         Progress callback, called with the finished share from 0 to 1.
 
@@ -134,8 +134,7 @@ def inverse_with_residual(
             setting.robot,
             target,
             model="constant_curvature" if residual.rod is None else residual.rod,
-            min_tension=min_tension,
-            max_tension=max_tension,
+            limits=limits,
         )
         commands = _commands(found, setting, residual.by_displacement)
         solved = np.array(np.isfinite(commands).all(axis=1))

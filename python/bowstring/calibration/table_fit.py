@@ -26,10 +26,10 @@ from bowstring.calibration.filtering import (
 )
 from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Score, score
-from bowstring.calibration.parameters import Unknowns, zero_is_fitted
+from bowstring.calibration.parameters import zero_is_fitted
 from bowstring.calibration.pieces import Loss
 from bowstring.calibration.prediction import Predicted, predict_with_interval
-from bowstring.calibration.priors import PriorChoice, read_priors
+from bowstring.calibration.priors import Prior, names_of
 from bowstring.data.columns import Source
 from bowstring.data.measurements import Measurements
 from bowstring.data.tendon_check import Found, TendonCheck, check_tendons, likely_zeros
@@ -191,8 +191,8 @@ class Calibration(Result):
     """Cross-validation, if folds were requested."""
     start: Mapping[str, float]
     """Given initial and fixed values in SI by name."""
-    priors: PriorChoice = None
-    """Given priors."""
+    parameters: Sequence[str | Prior]
+    """Fitted parameters, with their priors."""
     other: Measurements | None = None
     """Another table, for validation only."""
     other_score: Score | None = None
@@ -377,12 +377,11 @@ class Validation:
 def calibrate(
     robot: Robot,
     data: Measurements,
-    parameters: Sequence[str],
+    parameters: Sequence[str | Prior],
     *,
     model: RodModel | Literal["arc"] | None = None,
     loss: Loss = "soft_l1",
     start: Mapping[str, float] | None = None,
-    priors: PriorChoice = None,
     validation: Validation | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
@@ -394,15 +393,13 @@ def calibrate(
         As for `bowstring.fit`.
     data : Measurements
         As for `bowstring.fit`.
-    parameters : sequence of str
+    parameters : sequence of str or Prior
         As for `bowstring.fit`.
     model : RodModel or "arc", optional
         As for `bowstring.fit`.
     loss : {"linear", "soft_l1", "huber"}
         As for `bowstring.fit`.
     start : mapping of str to float, optional
-        As for `bowstring.fit`.
-    priors : "default" or mapping of str to float, optional
         As for `bowstring.fit`.
     validation : Validation, optional
         Method of validation; none by default.
@@ -441,18 +438,19 @@ def calibrate(
         points = observations.measured_points(data, robot, len(data))
         rows = points.seen.any(axis=1) & (np.cumsum(out) == 0)  # the last rows are held out
     notify("fit", 0.0)
-    of_zero = zero_is_fitted(parameters)
+    names = names_of(parameters)
+    of_zero = zero_is_fitted(names)
     by_tension = observations.commands(data, robot).are_tensions
-    order = check_tendons(
-        robot, data, zero_is_fitted=of_zero, delay_is_fitted="delay" in parameters
-    )
+    order = check_tendons(robot, data, zero_is_fitted=of_zero, delay_is_fitted="delay" in names)
     begin = dict(start or {})
     if of_zero and by_tension:
-        begin = _likely_offsets(robot, data, parameters) | begin
+        begin = _likely_offsets(robot, data, names) | begin
     rows_of_fit = data
     of_zeros = data.zero_error
     if by_tension and not of_zero and of_zeros is not None and of_zeros.any():
-        parameters, priors = _with_zeros(robot, of_zeros, parameters, priors)
+        tendons = np.flatnonzero(of_zeros)
+        zeros = [Prior(f"offset.tendons.{k}", float(of_zeros[k])) for k in tendons]
+        parameters = [*parameters, *zeros]
         # no error of the zero loads a tendon that has no load
         is_unloaded = (data.tensions == 0.0) & ~robot.tendons.pushes
         loads = np.where(is_unloaded, -_UNLOADED * of_zeros, data.tensions)
@@ -466,7 +464,6 @@ def calibrate(
             loss=loss,
             rows=rows,
             start=begin,
-            priors=priors,
         )
     except NoSolutionError as error:
         if order.alarm:  # the more probable cause
@@ -498,7 +495,7 @@ def calibrate(
         held,
         validated,
         dict(start or {}),
-        priors=priors,
+        parameters,
         other=validate,
         other_score=other,
         other_predicted=predicted,
@@ -518,15 +515,6 @@ def _likely_offsets(
         for name, zero in zip(names, zeros.tolist(), strict=True)
         if np.isfinite(zero) and {name, "offset.tendons"} & set(parameters)
     }
-
-
-def _with_zeros(
-    robot: Robot, error: Floats, parameters: Sequence[str], priors: PriorChoice
-) -> tuple[list[str], PriorChoice]:
-    """Parameters and priors with an offset for each zero of a tension that has an error (T,)."""
-    zeros = {f"offset.tendons.{k}": float(error[k]) for k in np.flatnonzero(error)}
-    known = read_priors(priors, robot, Unknowns(robot, parameters, by_tension=True))
-    return [*parameters, *zeros], {**known, **zeros}
 
 
 def _judged(found: Fit, data: Measurements) -> tuple[Score, Predicted | None]:

@@ -81,8 +81,10 @@ def control(
     reached. The exact inverse stands beside it.
     """
 
+    from bowstring.validation import share_of_length
     from bowstring.validity.control import control_errors
 
+    share = share_of_length("tolerance", tolerance, robot.length)
     with progress_bar("poses") as notify:
         found = control_errors(
             robot,
@@ -90,11 +92,10 @@ def control(
             corrections=corrections,
             commands=named(commands),
             max_tension=max_tension,
-            tolerance=tolerance,
             load=loads,
             model=rod,
             progress=notify,
-        )
+        ).with_tolerance(share)
         written = figure_file(lambda: found.save(out))
     made = provenance_of(robot, **_settings(loads), poses=poses, corrections=corrections)
     _print(found, written, made, as_json, _table(found))

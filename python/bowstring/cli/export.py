@@ -125,7 +125,7 @@ def _write_links(
     from bowstring.integrations.rigid_links.chain import LinkChain
     from bowstring.integrations.rigid_links.mjcf import check_mjcf, write_mjcf
     from bowstring.integrations.rigid_links.urdf import check_urdf, write_urdf
-    from bowstring.inverse.kinematics import default_max_tension
+    from bowstring.inverse.limits import default_max_tension
     from bowstring.statics.load import Load
     from bowstring.statics.rod import solve
 

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         JudgedModel,
         ModelComparison,
     )
+    from bowstring.calibration.priors import Prior
     from bowstring.calibration.residual_comparison import ResidualStudy
     from bowstring.calibration.table_fit import Calibration
     from bowstring.cli.schemas.basic import OfRobot
@@ -81,19 +82,19 @@ def _priors(
             "--priors", help="Default priors of gains, offsets, backlash, delay and holes."
         ),
     ] = False,
-) -> Callable[[bool], dict[str, float] | None]:
-    """Make the function of standard deviations, None without a flag.
+) -> Callable[[bool], tuple[Sequence[str | Prior], dict[str, float] | None]]:
+    """Make the function of parameters with their priors, and of these alone, None without a flag.
 
     Its argument is whether all commands are tensions, which tells the unit of an offset.
     """
     texts = changes_of("--prior", prior, 'gain="2 %"')
 
-    def deviations(by_tension: bool) -> dict[str, float] | None:
+    def known(by_tension: bool) -> tuple[Sequence[str | Prior], dict[str, float] | None]:
         from bowstring.calibration.parameters import Unknowns
-        from bowstring.calibration.priors import default_priors, matching
+        from bowstring.calibration.priors import default_priors, matching, with_priors
 
         if not (texts or priors):
-            return None
+            return parameter, None
         example = 'offset="0.5 mm"'
         unknowns = Unknowns(robot, parameter, by_tension=by_tension)
         found = default_priors(robot, parameter, by_tension=by_tension) if priors else {}
@@ -107,12 +108,13 @@ def _priors(
                 kind = Share("a positive number", lambda share: share > 0, example, "")
                 value = kind.read("--prior", text, robot)
             found |= {item.name: value for item in items}
-        return {name: value for name, value in found.items() if math.isfinite(value)}
+        found = {name: value for name, value in found.items() if math.isfinite(value)}
+        return with_priors(unknowns.names, found), found
 
-    return deviations
+    return known
 
 
-_Priors = Annotated[Callable[[bool], dict[str, float] | None], Group("Priors", _priors)]
+_Priors = Annotated[Callable[[bool], Any], Group("Priors", _priors)]
 
 
 class _Tables:
@@ -307,7 +309,7 @@ def fit(
         ),
     ],
     tables: Annotated[_Tables, Group("Measurements", _Tables)],
-    deviations: _Priors,
+    priors: _Priors,
     judged: Annotated[_Judged, Group("Validation", _Judged)],
     folder: Annotated[_Folder, Group("Outputs", _Folder)],
     model: Annotated[
@@ -340,19 +342,19 @@ def fit(
     with progress_bar("measurements"):
         table, named = tables.fitted(), judged.validate
         other = None if named is None else tables.read("--validate", named, named)
-    priors = deviations(bool(np.isnan(table.displacements).all()))
+    parameters, deviations = priors(bool(np.isnan(table.displacements).all()))
     origin = provenance_of(
         robot,
         **tables.origin,
         parameters=parameter,
         model=model,
         loss=loss,
-        priors=priors,
+        priors=deviations,
         **judged.origin(),
         start=begin,
     )
     if not table.points.shape[1]:
-        _check_angles(judged, folder, priors)
+        _check_angles(judged, folder, deviations)
         return _fit_orientation(robot, table, parameter, model, loss, begin, origin, as_json)
     compared = None
     try:
@@ -363,10 +365,9 @@ def fit(
                 compared = compare_models(
                     robot,
                     table,
-                    parameter,
+                    parameters,
                     folds=judged.folds or 5,
                     validation=other,
-                    priors=priors,
                     loss=loss,
                     progress=_with_estimate(notify),
                 )
@@ -375,11 +376,10 @@ def fit(
             found = table_fit.calibrate(
                 robot,
                 table,
-                parameter,
+                parameters,
                 model="arc" if model == "arc" else None,
                 loss=loss,
                 start=begin,
-                priors=priors,
                 validation=table_fit.Validation(judged.holdout, folds, other, judged.filter_),
                 progress=notify,
             )

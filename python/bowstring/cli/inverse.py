@@ -149,26 +149,16 @@ class _Options:
         self, point: Any, tangent: Any, model: Literal["cc", "physics"] | None = None
     ) -> InverseSolution:
         from bowstring.inverse.kinematics import inverse_kinematics
+        from bowstring.inverse.limits import ActuationLimits
 
-        limits: dict[str, Any] = {
-            "min_tension": self.min_tension,
-            "max_tension": self.max_tension,
-        }
+        given: dict[str, Any] = {"model": "constant_curvature"}
+        displacements = None
+        if (model or self.model) == "physics":
+            given = {"load": self.load, "model": self.rod, "distance_margin": self.margin}
+            displacements = self.displacement_limits
+        limits = ActuationLimits(self.min_tension, self.max_tension, displacements)
         try:
-            if (model or self.model) == "cc":
-                return inverse_kinematics(
-                    self.robot, point, direction=tangent, model="constant_curvature", **limits
-                )
-            return inverse_kinematics(
-                self.robot,
-                point,
-                direction=tangent,
-                load=self.load,
-                model=self.rod,
-                displacement_limits=self.displacement_limits,
-                distance_margin=self.margin,
-                **limits,
-            )
+            return inverse_kinematics(self.robot, point, direction=tangent, limits=limits, **given)
         except InputError as error:
             for name in ("min_tension", "displacement_limits", "distance_margin"):
                 if name in str(error):
@@ -342,6 +332,7 @@ def _with_residual(
     import numpy as np
 
     from bowstring.calibration import inverse_with_residual, read_residual
+    from bowstring.inverse.limits import ActuationLimits
     from bowstring.inverse.table import check_commands, read_tips, write_rows
 
     robot = options.robot
@@ -363,8 +354,7 @@ def _with_residual(
         found = inverse_with_residual(
             residual,
             positions,
-            min_tension=least,
-            max_tension=options.max_tension,
+            limits=ActuationLimits(least, options.max_tension),
             progress=lambda share: notify("inverse kinematics", share),
         )
     kinds = found.by_displacement

@@ -291,7 +291,7 @@ def _summary(robot: Robot, draft: Draft, file: Path) -> str:
     """What was written, what is assumed, and the next two commands."""
     import numpy as np
 
-    from bowstring.inverse.kinematics import default_max_tension
+    from bowstring.inverse.limits import default_max_tension
 
     sentences = list(draft.notes)
     if draft.assumed:

@@ -46,7 +46,7 @@ def uncertainty(
     Constant curvature has the numbers of the robot file, the simulated robot those of each sample.
     Without --max-tension the sweep ends at 1.5 times the limit of the robot file's robot.
     """
-    from bowstring.uncertainty import read_distributions
+    from bowstring.uncertainty import SaltelliDesign, read_distributions
     from bowstring.validity.spread import validity_spread
 
     joint = of_flag("--distributions", lambda file: read_distributions(file, robot), distributions)
@@ -54,10 +54,9 @@ def uncertainty(
     with progress_bar("samples") as notify:
         found = validity_spread(
             robot,
-            joint,
+            SaltelliDesign(joint, samples),
             name=model,
             tolerance=tolerance,
-            points=samples,
             loading=loading,
             load=loads,
             progress=notify,

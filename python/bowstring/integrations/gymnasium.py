@@ -8,7 +8,8 @@ tendons.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from bowstring.optional import load_extra
 from bowstring.robot.model import check_robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics.rod import solve_batch
-from bowstring.validation import choice, number, read, shown, whole
+from bowstring.validation import choice, instance, number, read, shown, whole
 
 load_extra("gymnasium")
 
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from bowstring.robot.model import Robot
     from bowstring.statics.load import Load
 
-__all__ = ["REACH", "ReachEnv", "ReachVectorEnv"]
+__all__ = ["REACH", "MotionSettings", "ReachEnv", "ReachVectorEnv"]
 
 Observations = NDArray[Any]
 
@@ -47,6 +48,32 @@ _SECONDS: Final = 4.0  # duration of an episode
 _TOLERANCE: Final = 0.01  # distance of success over the length
 _REDRAWS: Final = 100
 _TENSION_BEND: Final = 1.0  # bend by the default of max_tension, rad
+_DAMPED: Final = Integrator(modal_damping=0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSettings:
+    """How the robot of an environment moves.
+
+    Parameters
+    ----------
+    period : float
+        Control period in s.
+    between : {"hold", "ramp"}
+        As for `bowstring.dynamics.Motions`.
+    integrator : Integrator
+        As for `bowstring.dynamics.Motions`; a modal damping ratio of 0.05 by default.
+    load : Load, optional
+        As for `bowstring.dynamics.Motions`.
+    model : RodModel, optional
+        As for `bowstring.dynamics.Motions`.
+    """
+
+    period: float = DEFAULT_PERIOD
+    between: Literal["hold", "ramp"] = "hold"
+    integrator: Integrator = _DAMPED
+    load: Load | None = None
+    model: RodModel | None = None
 
 
 class _Task:
@@ -57,34 +84,20 @@ class _Task:
         count: int,
         robot: Robot | str,
         max_tension: float | None,
-        period: float,
         max_episode_steps: int | None,
         dtype: str,
-        between: str,
-        integrator: Integrator | None,
-        load: Load | None,
-        model: RodModel | None,
+        motion: MotionSettings | None,
         threads: int,
     ) -> None:
         if isinstance(robot, str):
             robot = load_robot(robot, {"gravity": "0 0 -9.81"})
         check_robot(robot)
         choice("dtype", dtype, ("float32", "float64"))
-        if integrator is None:
-            integrator = Integrator(modal_damping=0.05)
         self.robot, self.dtype = robot, np.dtype(dtype)
         self.top = _default_tension(robot) if max_tension is None else max_tension
         self.top = number("max_tension", self.top, "N")
-        self.motions = Motions(
-            robot,
-            count,
-            period=period,
-            between=between,  # type: ignore[arg-type]
-            load=load,
-            model=model,
-            integrator=integrator,
-            threads=threads,
-        )
+        motion = instance("motion", motion, MotionSettings)
+        self.motions = Motions(robot, count, threads=threads, **vars(motion))
         if max_episode_steps is None:
             max_episode_steps = max(1, round(_SECONDS / self.motions.period))
         self.longest = whole("max_episode_steps", max_episode_steps, 1, 1_000_000_000)
@@ -195,20 +208,12 @@ class ReachEnv(Env[Observations, Observations], EzPickle):
         gravity along the base frame's -z.
     max_tension : float, optional
         Largest tension in N. By default the one that alone bends the robot by about a radian.
-    period : float
-        Control period in s.
     max_episode_steps : int, optional
         Control periods in an episode; 4 s by default.
     dtype : {"float32", "float64"}
         Numbers in actions and observations.
-    between : {"hold", "ramp"}
-        As for `bowstring.dynamics.Motions`.
-    integrator : Integrator, optional
-        As for `bowstring.dynamics.Motions`; a modal damping ratio of 0.05 by default.
-    load : Load, optional
-        As for `bowstring.dynamics.Motions`.
-    model : RodModel, optional
-        As for `bowstring.dynamics.Motions`.
+    motion : MotionSettings, optional
+        Control period, integrator, load and rod model.
     render_mode : None
         There is no picture.
 
@@ -236,26 +241,18 @@ class ReachEnv(Env[Observations, Observations], EzPickle):
         robot: Robot | str = "amouri2019",
         *,
         max_tension: float | None = None,
-        period: float = DEFAULT_PERIOD,
         max_episode_steps: int | None = None,
         dtype: str = "float32",
-        between: str = "hold",
-        integrator: Integrator | None = None,
-        load: Load | None = None,
-        model: RodModel | None = None,
+        motion: MotionSettings | None = None,
         render_mode: None = None,
     ) -> None:
         if render_mode is not None:
             raise InputError.of("render_mode", shown(render_mode), "None: there is no picture")
         settings: dict[str, Any] = {
             "max_tension": max_tension,
-            "period": period,
             "max_episode_steps": max_episode_steps,
             "dtype": dtype,
-            "between": between,
-            "integrator": integrator,
-            "load": load,
-            "model": model,
+            "motion": motion,
         }
         EzPickle.__init__(self, robot, **settings)  # a copy begins with reset
         self.render_mode = None
@@ -351,9 +348,7 @@ class ReachVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]], EzPick
     ----------
     num_envs : int
         Number of environments.
-    robot, max_tension, period, max_episode_steps, dtype, between : object
-        As for `ReachEnv`.
-    integrator, load, model : object
+    robot, max_tension, max_episode_steps, dtype, motion : object
         As for `ReachEnv`.
     threads : int
         Number of threads; 0 takes one for each core.
@@ -386,13 +381,9 @@ class ReachVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]], EzPick
         robot: Robot | str = "amouri2019",
         *,
         max_tension: float | None = None,
-        period: float = DEFAULT_PERIOD,
         max_episode_steps: int | None = None,
         dtype: str = "float32",
-        between: str = "hold",
-        integrator: Integrator | None = None,
-        load: Load | None = None,
-        model: RodModel | None = None,
+        motion: MotionSettings | None = None,
         threads: int = 0,
         render_mode: None = None,
     ) -> None:
@@ -400,13 +391,9 @@ class ReachVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]], EzPick
             raise InputError.of("render_mode", shown(render_mode), "None: there is no picture")
         settings: dict[str, Any] = {
             "max_tension": max_tension,
-            "period": period,
             "max_episode_steps": max_episode_steps,
             "dtype": dtype,
-            "between": between,
-            "integrator": integrator,
-            "load": load,
-            "model": model,
+            "motion": motion,
             "threads": threads,
         }
         EzPickle.__init__(self, num_envs, robot, **settings)  # a copy begins with reset

@@ -27,7 +27,7 @@ from bowstring.errors import BowstringError, InputError
 from bowstring.files.json_files import parsed
 from bowstring.formatting import significant
 from bowstring.integrations.live_guard import only_with
-from bowstring.inverse.kinematics import default_max_tension
+from bowstring.inverse.limits import default_max_tension
 from bowstring.optional import load_extra
 from bowstring.robot.model import Robot
 from bowstring.statics.actuation import commanded

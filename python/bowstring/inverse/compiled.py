@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bowstring.errors import InputError
-from bowstring.inverse.kinematics import default_max_tension
+from bowstring.inverse.limits import default_max_tension
 from bowstring.robot.laws import OF_MOTION
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.actuation import compliances

@@ -17,6 +17,7 @@ from bowstring.errors import InputError
 from bowstring.inverse.arcs import arcs_to, tensions_of
 from bowstring.inverse.displacement_limits import keep_displacements
 from bowstring.inverse.friction import follow_with_friction
+from bowstring.inverse.limits import ActuationLimits
 from bowstring.inverse.solution import InverseSolution
 from bowstring.inverse.targets import Targets, angle_between
 from bowstring.robot.laws import OF_COMMANDS
@@ -41,9 +42,7 @@ def inverse_kinematics(
     direction: ArrayLike | None = None,
     load: Load | None = None,
     model: RodModel | Literal["constant_curvature"] | None = None,
-    min_tension: ArrayLike | None = None,
-    max_tension: ArrayLike | None = None,
-    displacement_limits: ArrayLike | None = None,
+    limits: ActuationLimits | None = None,
     distance_margin: float | str = 1e-3,
     path: bool = True,
 ) -> InverseSolution:
@@ -71,12 +70,8 @@ def inverse_kinematics(
         and shortening: in closed form for one segment and a position, otherwise by iteration, of
         the arcs through the position those with the least squared bends; tensions follow from the
         linear law.
-    min_tension, max_tension : array_like () or (T,), optional
-        Limits of the tensions in N. The default is 0 N, and for each tendon the tension that bends
-        its segment by half a turn by the linear law; of rods and chambers minus that tension to it.
-    displacement_limits : array_like (2,) or (2, T), optional
-        Least and largest displacement of all tendons, or of each, in m from the home pose; by
-        physics, and for tendons without friction. None by default.
+    limits : ActuationLimits, optional
+        Limits of the tensions and, by physics and for tendons without friction, displacements.
     distance_margin : float or str
         For positions that cannot be reached, by physics: how much farther from the position than
         the nearest tip the tip may be, as a share of the robot's length, or text such as
@@ -113,9 +108,10 @@ def inverse_kinematics(
     path = validation.truth("path", path)
     targets, single = _positions(robot, position)
     tangents = _directions(direction, len(targets), single)
-    least, most = _limits(robot, min_tension, max_tension)
+    limits = validation.instance("limits", limits, ActuationLimits)
+    least, most = limits.tensions(robot)
     margin = _margin(distance_margin)
-    displacements = _displacements(robot, displacement_limits)
+    displacements = limits.displacements(robot)
     load = _dead(load)
     chosen: RodModel | Literal["constant_curvature"] = "constant_curvature"
     if isinstance(model, str):
@@ -145,8 +141,8 @@ def inverse_kinematics(
                     f"{robot.name} have decoupling; leave them out, or set decoupling to 0"
                 )
             lowest, highest = (driven(robot, each) for each in displacements)
-            limits = (least, most), (lowest, highest)
-            keep_displacements(without_laws(robot), wanted, *limits, found, load, rod, _REACHED)
+            pairs = (least, most), (lowest, highest)
+            keep_displacements(without_laws(robot), wanted, *pairs, found, load, rod, _REACHED)
     if single:
         found = {name: value[0] for name, value in found.items()}
         found |= {name: v.item() for name, v in found.items() if isinstance(v, np.generic)}
@@ -163,28 +159,6 @@ def inverse_kinematics(
         displacement_limits=displacements,
         **found,
     )
-
-
-def default_max_tension(robot: Robot) -> Floats:
-    """Tension of each tendon that bends its segment by half a turn by the linear law.
-
-    Parameters
-    ----------
-    robot : Robot
-        The robot.
-
-    Returns
-    -------
-    ndarray (T,)
-        In N.
-    """
-    segments = robot.tendons.segment
-    lengths = np.array([segment.length for segment in robot.segments])
-    every = np.arange(len(segments))
-    arms = np.linalg.norm(robot.tendons.mean_hole_m[segments, every], axis=-1)
-    arms = np.maximum(arms, 1e-3 * robot.length)
-    stiffness = np.asarray(robot.bending_stiffness)
-    return np.asarray(np.pi * stiffness[segments] / (lengths[segments] * arms))
 
 
 def _by_physics(
@@ -309,57 +283,6 @@ def _rows(name: str, given: ArrayLike, unit: str) -> Floats:
             f"row {k + 1} of {name} is {found[k].tolist()}, all must be finite numbers"
         )
     return found
-
-
-def _limits(
-    robot: Robot, min_tension: ArrayLike | None, max_tension: ArrayLike | None
-) -> tuple[Floats, Floats]:
-    if min_tension is None:
-        least = np.where(robot.tendons.pushes, -default_max_tension(robot), 0.0)
-    else:
-        least = _limit(robot, "min_tension", min_tension)
-    if max_tension is None:
-        most = np.maximum(default_max_tension(robot), least)
-    else:
-        most = _limit(robot, "max_tension", max_tension)
-    for i in np.flatnonzero(least > most)[:1]:
-        raise InputError(
-            f"min_tension of tendon {i + 1} is {least[i]:g} N and its max_tension {most[i]:g} N; "
-            "the least must not be above the largest"
-        )
-    return least, most
-
-
-def _limit(robot: Robot, name: str, given: ArrayLike) -> Floats:
-    count = robot.core.tendon_count
-    found = validation.read(name, given, f"a number or {count} numbers in N")
-    if found.shape not in ((), (count,)):
-        raise InputError(f"{name} has shape {found.shape}, it must be one number or ({count},)")
-    found = np.array(np.broadcast_to(found, (count,)))
-    possible = np.isfinite(found) & (found >= robot.tendons.least_tension_N)
-    for i in np.flatnonzero(~possible)[:1]:
-        rule = "a finite number" + ("" if robot.tendons.pushes[i] else ", 0 N or more")
-        raise InputError(f"{name} of tendon {i + 1} is {found[i]:g} N; it must be {rule}")
-    return found
-
-
-def _displacements(robot: Robot, given: ArrayLike | None) -> tuple[Floats, Floats] | None:
-    if given is None:
-        return None
-    count = robot.core.tendon_count
-    what = f"two numbers in m, the least and the largest, or two rows of {count}"
-    found = validation.read("displacement_limits", given, what)
-    if found.shape not in ((2,), (2, count)):
-        raise InputError(
-            f"displacement_limits has shape {found.shape}, it must be (2,) or (2, {count})"
-        )
-    least, most = (np.array(np.broadcast_to(row, (count,))) for row in found)
-    for i in np.flatnonzero(~(np.isfinite(least) & np.isfinite(most) & (least < most)))[:1]:
-        raise InputError(
-            f"displacement_limits of tendon {i + 1} are {least[i]:g} m and {most[i]:g} m; they "
-            "must be finite, and the least below the largest"
-        )
-    return least, most
 
 
 def _margin(given: float | str) -> float:

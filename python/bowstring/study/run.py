@@ -56,7 +56,7 @@ from bowstring.study.sweeps import Statics, arc_scale_of, geometric_sweep, stati
 from bowstring.study.verdict import judge
 from bowstring.validation import choice, instance, share_of_length, shown
 from bowstring.validity.loading import Loading, largest_load
-from bowstring.validity.spread import Spread, assumed_distributions, sampled
+from bowstring.validity.spread import Spread, assumed_distributions, design_of, sampled
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -268,10 +268,9 @@ def _spreads(robot: Robot, settings: Settings, given: Any) -> tuple[Spread, ...]
         return ()
     spread_of = sampled(
         free,
-        joint,
+        design_of(free, joint, _ASSUMED_POINTS if given is None else _GIVEN_POINTS),
         MEANINGS,
         tolerance=settings.tolerance,
-        points=_ASSUMED_POINTS if given is None else _GIVEN_POINTS,
         loading=loading,
         model=RodModel(settings.theory),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Final, Literal, cast
 
 import numpy as np
@@ -18,6 +18,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.inverse.kinematics import inverse_kinematics
+from bowstring.inverse.limits import ActuationLimits
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot, check_tendons
 from bowstring.statics.load import Load
@@ -51,6 +52,7 @@ CommandName = Literal[
 _Landed = tuple[Floats, dict[str, Floats], float | None, dict[str, float]]
 
 _POSES: Final = 1024
+_TOLERANCE: Final = 0.01
 _LANDS: Final = 0.9  # commands with a smaller share of tips with an equilibrium are not compared
 _SHARES: Final = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the dead loads
 
@@ -117,7 +119,7 @@ class ControlErrors(Drawn):
     load: Load
     """Dead loads."""
     tolerance: Annotated[float, Key("tolerance_percent")]
-    """Tolerated distance as a share of the length."""
+    """Tolerated distance as a share of the length; 0.01 unless `with_tolerance` changes it."""
     max_tension: Annotated[Floats, Key("max_tension_N")]
     """Largest tension of each tendon (T,), N."""
     drawn: Annotated[int, Key("poses")]
@@ -135,6 +137,17 @@ class ControlErrors(Drawn):
     """Shares of the dead loads (F,) of `by_load`; empty without dead loads."""
     by_load: dict[str, Floats]
     """Mean and largest distance (F, 2) in m at each share of the dead loads, by command."""
+
+    def with_tolerance(self, tolerance: float | str) -> ControlErrors:
+        """Return the same tips with another tolerance, without solving anything again.
+
+        Parameters
+        ----------
+        tolerance : float or str
+            Tolerated distance: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
+        """
+        share = share_of_length("tolerance", tolerance, self.robot.length)
+        return replace(self, tolerance=share)
 
     def distance(self, name: str) -> Floats:
         """Distances from the wanted tips after each correction (C + 1, P), m."""
@@ -272,7 +285,6 @@ def control_errors(
     poses: int = _POSES,
     corrections: int = 3,
     commands: Sequence[str] | None = None,
-    tolerance: float | str = 0.01,
     load: Load | None = None,
     model: RodModel | None = None,
     progress: Progress | None = None,
@@ -300,8 +312,6 @@ def control_errors(
         ``tensions_calibrated`` (linear law with the bending stiffness that fits these tips best),
         ``displacements`` and ``displacements_chord`` (with straight spans between disks); by
         default all that the robot takes.
-    tolerance : float or str
-        Tolerated distance: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
     load : Load, optional
         Gravity (that of the robot if left out) and dead loads. With dead loads the commands are
         also tried at shares of them.
@@ -334,7 +344,6 @@ def control_errors(
     check_tendons(robot, "the control error")
     whole("poses", poses, 1, 100_000)
     whole("corrections", corrections, 0, 20)
-    tolerance = share_of_length("tolerance", tolerance, robot.length)
     robot, load, model, most = prepared(robot, load, model, max_tension)
     least = np.where(robot.tendons.pushes, -most, 0.0)
     chosen = _chosen(Commander(robot, load, model, least, most), commands)
@@ -366,7 +375,7 @@ def control_errors(
     return ControlErrors(
         robot,
         load,
-        tolerance,
+        _TOLERANCE,
         most,
         poses,
         wanted,
@@ -414,9 +423,8 @@ def _landed(
     if not (robot.is_embedded or model.tendon_path == "continuous"):
         notify(COMMANDS["physics"], len(names) / steps)
         start = time.perf_counter()
-        exact = inverse_kinematics(
-            robot, wanted, load=load, model=model, max_tension=commander.most, path=False
-        )
+        limits = ActuationLimits(max_tension=commander.most)
+        exact = inverse_kinematics(robot, wanted, load=load, model=model, limits=limits, path=False)
         seconds["physics"] = (time.perf_counter() - start) / len(wanted)
         landed["physics"] = commander.land("physics", exact.tensions)[None]
     scale = commander.scale if "tensions_calibrated" in names else None

@@ -17,7 +17,7 @@ from bowstring.constant_curvature.series import series_jacobian
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import significant
 from bowstring.inverse.arcs import arcs_to, tensions_of
-from bowstring.inverse.kinematics import default_max_tension
+from bowstring.inverse.limits import default_max_tension
 from bowstring.robot.designs import Designs
 from bowstring.robot.model import Robot, without_laws
 from bowstring.statics.design_sweeps import sweep_designs

@@ -43,6 +43,7 @@ from bowstring.validity.map_settings import end_of_ramp
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_POINTS: Final = 1024  # base points
 _BLOCK: Final = 4096  # samples solved at a time
 _MOST_ASSUMED: Final = 24  # numbers of one kind, as each takes its share of the samples
 _WIDEST: Final = 5.0  # standard deviations that a sample stays within
@@ -284,11 +285,10 @@ class Spread(Result):
 
 def validity_spread(
     robot: Robot,
-    distributions: Distributions | str | Path | Mapping[str, Any],
+    distributions: Distributions | SaltelliDesign | str | Path | Mapping[str, Any],
     *,
     name: str = "cc_from_force",
     tolerance: float | str = 0.01,
-    points: int = 1024,
     loading: Loading | None = None,
     load: Load | None = None,
     model: RodModel | None = None,
@@ -303,15 +303,14 @@ def validity_spread(
     ----------
     robot : Robot
         Nominal robot; its friction is left out unless it has a distribution.
-    distributions : Distributions, str, Path or mapping
+    distributions : Distributions, SaltelliDesign, str, Path or mapping
         Distributions of numbers of the robot file, of ``tip_force`` and ``gravity``, as
-        `bowstring.uncertainty.read_distributions` takes them.
+        `bowstring.uncertainty.read_distributions` takes them, for a design of 1024 base points; or
+        a `bowstring.uncertainty.SaltelliDesign` of another number.
     name : str
         Model of constant curvature, of `bowstring.validity.errors.LAWS`.
     tolerance : float or str
         Tolerated tip error: a share of the length, 0.01 or "1 %", or a length, "0.5 mm".
-    points : int
-        Base points of the design, a power of two; with d factors it has ``points (d + 2)`` samples.
     loading : Loading, optional
         Actuated tendons, end of the ramp and number of its loads. By default the ramp ends at 1.5
         times the limit of the nominal robot.
@@ -334,12 +333,14 @@ def validity_spread(
     NoSolutionError
         If too few samples have a result.
     """
+    check_robot(robot)
+    tolerance = share_of_length("tolerance", tolerance, robot.length)
+    design = design_of(robot, distributions, _POINTS)
     return sampled(
         robot,
-        distributions,
+        design,
         (name,),
         tolerance=tolerance,
-        points=points,
         loading=loading,
         load=load,
         model=model,
@@ -347,13 +348,25 @@ def validity_spread(
     )(name)
 
 
+def design_of(
+    robot: Robot,
+    distributions: Distributions | SaltelliDesign | str | Path | Mapping[str, Any],
+    points: int,
+) -> SaltelliDesign:
+    """Design of distributions in any form, of so many base points unless it is given."""
+    if isinstance(distributions, SaltelliDesign):
+        return distributions
+    if not isinstance(distributions, Distributions):
+        distributions = read_distributions(distributions, robot)
+    return SaltelliDesign(distributions, points)
+
+
 def sampled(
     robot: Robot,
-    distributions: Distributions | str | Path | Mapping[str, Any],
+    design: SaltelliDesign,
     names: Sequence[str],
     *,
-    tolerance: float | str,
-    points: int,
+    tolerance: float,
     loading: Loading | None = None,
     load: Load | None = None,
     model: RodModel | None = None,
@@ -363,10 +376,14 @@ def sampled(
 
     Parameters
     ----------
+    design : SaltelliDesign
+        Samples of the numbers.
     names : sequence of str
         Models. If the loading has no largest tension, the ramp ends at 1.5 times the largest of
         their limits.
-    robot, distributions, tolerance, points, loading, load, model, progress
+    tolerance : float
+        Tolerated tip error as a share of the length.
+    robot, loading, load, model, progress
         As for `validity_spread`.
 
     Returns
@@ -380,14 +397,10 @@ def sampled(
     InputError
         If a distribution or another argument is wrong.
     """
-    check_robot(robot)
     for name in names:
         choice("name", name, list(LAWS))
-    tolerance = share_of_length("tolerance", tolerance, robot.length)
     loading, load = instance("loading", loading, Loading), instance("load", load, Load)
-    joint = distributions
-    if not isinstance(joint, Distributions):
-        joint = read_distributions(joint, robot)
+    joint = design.distributions
     _check_paths(joint)
     robot = without_laws(robot, "friction")
     if not any(path.endswith(".friction") for path in joint.paths):
@@ -420,7 +433,6 @@ def sampled(
             columns += [*_limit(nominal, found, name, tolerance), error[:, -1]]
         return np.stack(columns, axis=1)
 
-    design = SaltelliDesign(joint, points)
     report = progress or (lambda what, done: None)
     outputs = evaluate(
         results, design, rows=_BLOCK, progress=lambda done: report("samples", 0.9 * done)

@@ -120,7 +120,8 @@ class TipFollower:
         start = self.command.tip_position
         count = max(1, int(np.ceil(np.linalg.norm(target - start) / self._step)))
         way = start + np.linspace(0.0, 1.0, count + 1)[:, None] * (target - start)
-        found = bs.inverse_kinematics(self.robot, way, max_tension=self.max_tension)
+        limits = bs.ActuationLimits(max_tension=self.max_tension)
+        found = bs.inverse_kinematics(self.robot, way, limits=limits)
         usable = np.isfinite(found.tensions).all(axis=1)
         if not usable[-1]:
             raise bs.errors.InputError(found.message(count))

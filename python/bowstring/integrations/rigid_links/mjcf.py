@@ -23,7 +23,7 @@ from bowstring.integrations.rigid_links.xml_file import (
     row,
     write_xml,
 )
-from bowstring.inverse.kinematics import default_max_tension
+from bowstring.inverse.limits import default_max_tension
 from bowstring.statics.load import Load
 
 __all__ = ["check_mjcf", "write_mjcf"]
