@@ -16,9 +16,10 @@ use crate::math::real::{Layout, Real};
 use crate::model::load::{same_section, Load, PointLoad};
 use crate::model::robot::{place, Payload, Place};
 use crate::rod::between::Between;
-use crate::rod::chain::{get, get_mat, lumped, Rod};
+use crate::rod::chain::Rod;
 use crate::rod::constants::Constants;
 use crate::rod::elimination::Blocks;
+use crate::rod::groups::{get, get_mat};
 
 /// Moments and point loads on the disks of a robot.
 #[derive(Clone)]
@@ -413,7 +414,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             force += on_disk;
             let c = &self.fixed.modules[k];
             let line = lines.get(k).map_or(Vec3::zero(), |line| Vec3::splat(*line));
-            let loads = lumped(line, force, c);
+            let loads = c.lumped(line, force);
             let sums = &mut self.dead.modules[k];
             for (sum, load) in sums.iter_mut().zip(loads) {
                 *sum += load;

@@ -14,13 +14,14 @@ use crate::model::load::PointLoad;
 use crate::rod::attached::{
     potential_of, sum_of_forces, sum_of_moments, sum_of_stiffness, turning_of,
 };
-use crate::rod::chain::{get, get_mat, nodes_of, put, Rod};
+use crate::rod::chain::{nodes_of, Rod};
 use crate::rod::constants::Constants;
 use crate::rod::defect::LoadsOnNodes;
 use crate::rod::elimination::Blocks;
-#[cfg(doc)]
-use crate::rod::module::Tendons;
+use crate::rod::groups::{get, get_mat, put};
 use crate::rod::module::{Gradient, State};
+#[cfg(doc)]
+use crate::rod::routes::Tendons;
 use std::ops::Range;
 
 /// Loads between disks, and the sections on which they act, both from base to tip.

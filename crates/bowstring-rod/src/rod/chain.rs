@@ -16,10 +16,13 @@ use crate::rod::attached::Attached;
 use crate::rod::constants::{Constants, Taper};
 use crate::rod::defect::Defect;
 use crate::rod::elimination::Eliminated;
-use crate::rod::module::{Gradient, Hessian, Response, Span, State, Tendons};
+use crate::rod::groups::{get, put};
+use crate::rod::module::{Gradient, Hessian, Response, Span, State};
 use crate::rod::newton_step::Newton;
 use crate::rod::responses::Spans;
 use crate::rod::routes::Routes;
+#[cfg(doc)]
+use crate::rod::routes::Tendons;
 
 /// A robot under load, with its scratch memory: no pass of a solve allocates.
 #[derive(Clone)]
@@ -85,7 +88,7 @@ impl<L: Layout, const A: usize> Fixed<L, A> {
         let (h, [start, end]) = (c.flexible, c.clamp);
         let weight = gravity * c.mass_per_length;
         *force += gravity * self.masses[k];
-        let mut loads = lumped(weight, *force, c);
+        let mut loads = c.lumped(weight, *force);
         if let Some(taper) = self.tapers.get(k) {
             let (shift, turns) = taper.lumped(h, gravity);
             loads[0] += shift;
@@ -128,23 +131,6 @@ pub struct Errors<L: Layout> {
     pub lengths: Vec<L::Chain>,
 }
 
-/// The tendons in one group of modules.
-#[inline(always)]
-pub fn in_group<'a, M: Real>(
-    tendons: &'a Routes<M>,
-    tensions: &'a [M],
-    path: TendonPath,
-    group: usize,
-) -> Tendons<'a, M> {
-    let count = tendons.len();
-    Tendons {
-        holes: tendons.in_group(group),
-        tensions: &tensions[group * count..(group + 1) * count],
-        path,
-        on_nodes: &[],
-    }
-}
-
 /// Forces of loads between disks on the nodes of a group; see [`Tendons::on_nodes`].
 #[inline(always)]
 pub fn nodes_of<T, const A: usize>(on_nodes: &[[Vec3<T>; A]], group: usize) -> &[Vec3<T>] {
@@ -152,54 +138,6 @@ pub fn nodes_of<T, const A: usize>(on_nodes: &[[Vec3<T>; A]], group: usize) -> &
         2 => &[],
         _ => on_nodes.get(group).map_or(&[], |nodes| nodes),
     }
-}
-
-#[inline(always)]
-pub fn get<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Chain> {
-    Vec3([L::get(&v.0[0], i), L::get(&v.0[1], i), L::get(&v.0[2], i)])
-}
-
-#[inline(always)]
-pub fn get_mat<L: Layout>(m: &Mat3<L::Module>, i: usize) -> Mat3<L::Chain> {
-    let mut out = Mat3::zero();
-    for (row, from) in out.0.iter_mut().zip(&m.0) {
-        for (x, y) in row.iter_mut().zip(from) {
-            *x = L::get(y, i);
-        }
-    }
-    out
-}
-
-#[inline(always)]
-pub fn put<L: Layout>(v: &mut Vec3<L::Module>, i: usize, c: Vec3<L::Chain>) {
-    for q in 0..3 {
-        L::put(&mut v.0[q], i, c.0[q]);
-    }
-}
-
-#[inline(always)]
-pub fn put_mat<L: Layout>(m: &mut Mat3<L::Module>, i: usize, c: &Mat3<L::Chain>) {
-    for (row, from) in m.0.iter_mut().zip(&c.0) {
-        for (x, y) in row.iter_mut().zip(from) {
-            L::put(x, i, *y);
-        }
-    }
-}
-
-/// A number for every module of a group; zero in idle lanes.
-#[inline(always)]
-pub fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) -> L::Module {
-    if L::WIDTH == 1 {
-        return L::Module::splat(of(g));
-    }
-    L::Module::from_fn(|i| {
-        let k = g * L::WIDTH + i;
-        if k < n {
-            of(k)
-        } else {
-            0.0
-        }
-    })
 }
 
 /// A value of every module of every robot, by robots and modules.
@@ -226,28 +164,6 @@ fn lanes_of<P>(
         1 => &of[lane.min(robots - 1) * modules + group],
         _ => &of[(group * width + lane).min(modules - 1)],
     })
-}
-
-/// Loads on a module (see [`State::f`]) by a force per length on its backbone, whose flexible part
-/// has some length between two clamps, and a force on its end disk. Hermite's rule: half of the
-/// force on an element at each end, and a couple.
-#[inline(always)]
-pub fn lumped<T: Real, const A: usize>(
-    line: Vec3<T>,
-    force: Vec3<T>,
-    c: &Constants<T, A>,
-) -> [Vec3<T>; 4] {
-    let half = T::splat(0.5);
-    let (flexible, [start, end]) = (c.flexible, c.clamp);
-    let element = flexible * T::splat(2.0 / A as f64);
-    let [first, last] = [element * c.part(0), element * c.part(A / 2 - 1)];
-    let [at_start, at_end] = [first, last].map(|length| length * length / T::splat(12.0));
-    [
-        force + line * (last * half + end),
-        force * end + line * (end * end * half - at_end),
-        force * start + line * (start * (start * half + flexible + end) + at_start),
-        line * element,
-    ]
 }
 
 impl<L: Layout, const A: usize> Rod<L, A> {

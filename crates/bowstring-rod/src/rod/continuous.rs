@@ -14,8 +14,8 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::rod::constants::Constants;
 use crate::rod::gauss::{fraction, FAR, NEAR};
-use crate::rod::module::{State, Tendons};
-use crate::rod::routes::Holes;
+use crate::rod::module::State;
+use crate::rod::routes::{Holes, Tendons};
 
 /// Residual of shear and extension from which one more Newton step is exact to rounding.
 const SETTLED: f64 = 1e-11;

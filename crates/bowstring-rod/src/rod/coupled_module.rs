@@ -13,7 +13,8 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Maybe, Real};
 use crate::rod::constants::Constants;
 use crate::rod::coupling::{Coupling, Sway};
-use crate::rod::module::{Gradient, Hessian, Response, State, Tendons};
+use crate::rod::module::{Gradient, Hessian, Response, State};
+use crate::rod::routes::Tendons;
 
 /// Passes of a module whose arcs depend on its section.
 impl<T: Real, const A: usize> Constants<T, A> {

@@ -4,9 +4,11 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{get, get_mat, in_group, nodes_of, put, Rod};
+use crate::rod::chain::{nodes_of, Rod};
 use crate::rod::continuous::PulledModule;
+use crate::rod::groups::{get, get_mat, put};
 use crate::rod::module::Span;
+use crate::rod::routes::in_group;
 
 impl<L: Layout, const A: usize> Rod<L, A> {
     /// Forward pass: shapes, rotations (theory Eq. 2.3) and forces; returns the potential energy

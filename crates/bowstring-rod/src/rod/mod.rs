@@ -16,6 +16,7 @@ pub mod estimate;
 pub(crate) mod evaluation;
 pub(crate) mod flexibility;
 pub(crate) mod gauss;
+pub(crate) mod groups;
 pub(crate) mod kept;
 pub(crate) mod module;
 pub mod newton_step;

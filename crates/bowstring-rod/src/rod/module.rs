@@ -25,32 +25,11 @@
 use crate::math::lie::ArcMap;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
-use crate::model::load::TendonPath;
 use crate::rod::constants::Constants;
 use crate::rod::continuous::{PulledArc, PulledElement, PulledSection};
 use crate::rod::coupling::Sway;
-use crate::rod::routes::Holes;
+use crate::rod::routes::Tendons;
 pub use crate::rod::span::Span;
-
-/// The tendons of the robot and their tensions in one module, zero where they do not pass, and the
-/// loads between its disks.
-#[derive(Clone, Copy)]
-pub struct Tendons<'a, T: Real> {
-    pub holes: &'a [Holes<T>],
-    pub tensions: &'a [T],
-    pub path: TendonPath,
-    /// Forces of loads between the disks on the nodes before the elements (N), in the frame of the
-    /// module's start; empty if there are none.
-    pub on_nodes: &'a [Vec3<T>],
-}
-
-impl<T: Real> Tendons<'_, T> {
-    /// Whether they are continuous, which lanes do not take.
-    #[inline(always)]
-    pub fn are_continuous(&self) -> bool {
-        T::PLAIN && self.path.is_continuous()
-    }
-}
 
 /// An arc of constant curvature in its module.
 #[derive(Clone, Copy, Debug)]

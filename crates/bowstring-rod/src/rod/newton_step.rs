@@ -4,9 +4,11 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{get, get_mat, in_group, nodes_of, put, Rod};
+use crate::rod::chain::{nodes_of, Rod};
 use crate::rod::elimination::{Blocks, Eliminated};
+use crate::rod::groups::{get, get_mat, put};
 use crate::rod::module::{Hessian, Response};
+use crate::rod::routes::in_group;
 
 /// Data of a Newton step.
 #[derive(Clone)]

@@ -7,7 +7,8 @@ use crate::interrupt;
 use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{get, get_mat, nodes_of, put, Rod};
+use crate::rod::chain::{nodes_of, Rod};
+use crate::rod::groups::{get, get_mat, put};
 use crate::rod::module::Span;
 
 /// Spans of the last `measure_spans`, and their responses.

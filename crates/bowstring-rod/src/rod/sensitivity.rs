@@ -11,8 +11,9 @@ use crate::interrupt;
 use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Scalar;
-use crate::rod::chain::{in_group, Rod};
+use crate::rod::chain::Rod;
 use crate::rod::module::{Response, Span};
+use crate::rod::routes::in_group;
 
 /// Derivatives with respect to one parameter.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,7 +11,8 @@ use crate::math::linalg::{dot, Mat3, Vec3};
 use crate::math::mlcp::eliminate;
 use crate::math::real::{Layout, Real};
 use crate::rod::between::OnSection;
-use crate::rod::chain::{get, get_mat, lanes, put, Rod};
+use crate::rod::chain::Rod;
+use crate::rod::groups::{get, get_mat, lanes, put};
 use crate::rod::module::State;
 
 /// Solutions for the present tangent.
