@@ -5,7 +5,7 @@
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::rod::chain::{nodes_of, Rod};
-use crate::rod::continuous::PulledModule;
+use crate::rod::continuous_module::PulledModule;
 use crate::rod::groups::{get, get_mat, put};
 use crate::rod::module::Span;
 use crate::rod::routes::in_group;

@@ -8,6 +8,7 @@ pub(crate) mod between;
 pub mod chain;
 pub(crate) mod constants;
 pub(crate) mod continuous;
+pub(crate) mod continuous_module;
 pub(crate) mod coupled_module;
 pub(crate) mod coupling;
 pub(crate) mod defect;

@@ -18,7 +18,7 @@ use crate::math::real::{Layout, Real};
 use crate::model::load::Model;
 use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
-use crate::rod::continuous::PulledModule;
+use crate::rod::continuous_module::PulledModule;
 use crate::rod::groups::{get, get_mat};
 use crate::rod::module::State;
 use crate::rod::routes::in_group;

@@ -8,7 +8,7 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::rod::chain::Rod;
 use crate::rod::constants::Constants;
-use crate::rod::continuous::PulledModule;
+use crate::rod::continuous_module::PulledModule;
 use crate::rod::gauss::GAUSS;
 use crate::rod::groups::{get, get_mat, put, put_mat};
 use crate::rod::module::{Span, State};

@@ -15,7 +15,7 @@ use crate::math::copies;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real, MOST_LANES};
 use crate::model::load::{Load, TendonPath};
-use crate::rod::continuous::PulledModule;
+use crate::rod::continuous_module::PulledModule;
 use crate::rod::module::Span;
 use crate::rod::routes::in_group;
 

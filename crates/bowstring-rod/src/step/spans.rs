@@ -5,7 +5,7 @@
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::rod::chain::Rod;
-use crate::rod::continuous::PulledModule;
+use crate::rod::continuous_module::PulledModule;
 use crate::rod::module::{Span, State};
 use crate::rod::routes::in_group;
 
