@@ -21,6 +21,7 @@ pub(crate) mod groups;
 pub(crate) mod kept;
 pub(crate) mod module;
 pub mod newton_step;
+pub(crate) mod point_loads;
 pub mod responses;
 pub mod routed;
 pub(crate) mod routes;
