@@ -16,12 +16,12 @@ use crate::rod::constants::Constants;
 use crate::rod::defect::LoadsOnNodes;
 use crate::rod::elimination::Blocks;
 use crate::rod::groups::{get, get_mat, put};
-use crate::rod::module::{Gradient, State};
 use crate::rod::point_loads::{
     potential_of, sum_of_forces, sum_of_moments, sum_of_stiffness, turning_of,
 };
 #[cfg(doc)]
 use crate::rod::routes::Tendons;
+use crate::rod::state::{Gradient, State};
 use std::ops::Range;
 
 impl<C: Real> LoadedSection<C> {

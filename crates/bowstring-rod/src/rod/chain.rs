@@ -16,10 +16,11 @@ use crate::rod::constants::{Constants, Taper};
 use crate::rod::defect::Defect;
 use crate::rod::elimination::Eliminated;
 use crate::rod::groups::{get, put};
-use crate::rod::module::{Gradient, Hessian, Response, Span, State};
 use crate::rod::routes::Routes;
 #[cfg(doc)]
 use crate::rod::routes::Tendons;
+use crate::rod::span::Span;
+use crate::rod::state::{Gradient, Hessian, Response, State};
 use std::ops::Range;
 
 /// A robot under load, with its scratch memory: no pass of a solve allocates.

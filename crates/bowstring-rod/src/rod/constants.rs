@@ -466,6 +466,12 @@ impl<T: Real, const A: usize> Constants<T, A> {
         g
     }
 
+    /// Coupled section of the module.
+    #[inline(always)]
+    pub fn coupling(&self) -> Option<&Coupling<T>> {
+        self.coupled.get()
+    }
+
     /// Moments of an element by the elastic rotation vectors of its arcs.
     #[inline(always)]
     pub fn moments_of_element(&self, e: usize, [a, b]: [Vec3<T>; 2]) -> [Vec3<T>; 2] {

@@ -6,8 +6,8 @@ use crate::math::linalg::Vec3;
 use crate::math::real::Real;
 use crate::rod::constants::Constants;
 use crate::rod::continuous::{gauss_point, tendon, PulledArc, PulledSection};
-use crate::rod::module::State;
 use crate::rod::routes::{Holes, Tendons};
+use crate::rod::state::State;
 
 /// A module with continuous tendons.
 pub struct PulledModule<T, const A: usize> {

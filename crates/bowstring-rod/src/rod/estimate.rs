@@ -14,8 +14,8 @@ use crate::rod::chain::Rod;
 use crate::rod::constants::Constants;
 use crate::rod::defect::Weight;
 use crate::rod::groups::{get, get_mat, put};
-use crate::rod::module::Span;
 use crate::rod::routes::in_group;
+use crate::rod::span::Span;
 
 /// Estimated discretisation error of an equilibrium.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -8,8 +8,8 @@ use crate::rod::between::nodes_of;
 use crate::rod::chain::Rod;
 use crate::rod::continuous_module::PulledModule;
 use crate::rod::groups::{get, get_mat, put};
-use crate::rod::module::Span;
 use crate::rod::routes::in_group;
+use crate::rod::span::Span;
 
 impl<L: Layout, const A: usize> Rod<L, A> {
     /// Forward pass: shapes, rotations (theory Eq. 2.3) and forces; returns the potential energy

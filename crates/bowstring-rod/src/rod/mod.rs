@@ -27,5 +27,6 @@ pub mod routed;
 pub(crate) mod routes;
 pub mod sensitivity;
 pub(crate) mod span;
+pub(crate) mod state;
 pub(crate) mod tension_columns;
 pub(crate) mod tension_responses;

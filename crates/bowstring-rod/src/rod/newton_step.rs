@@ -8,8 +8,8 @@ use crate::rod::between::nodes_of;
 use crate::rod::chain::Rod;
 use crate::rod::elimination::Blocks;
 use crate::rod::groups::{get, get_mat, put};
-use crate::rod::module::Hessian;
 use crate::rod::routes::in_group;
+use crate::rod::state::Hessian;
 
 /// Predicted effect of the step.
 pub struct Step<T> {

@@ -10,7 +10,7 @@ use crate::math::real::{Layout, Real};
 use crate::rod::between::nodes_of;
 use crate::rod::chain::{Rod, SourceResponses};
 use crate::rod::groups::{get, get_mat, put};
-use crate::rod::module::Span;
+use crate::rod::span::Span;
 
 /// Right-hand sides: a change of tension in one tendon each.
 #[derive(Clone, Copy)]

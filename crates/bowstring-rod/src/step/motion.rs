@@ -20,8 +20,8 @@ use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::continuous_module::PulledModule;
 use crate::rod::groups::{get, get_mat};
-use crate::rod::module::State;
 use crate::rod::routes::in_group;
+use crate::rod::state::State;
 
 /// A moving rod.
 pub struct Motion<L: Layout, const A: usize> {

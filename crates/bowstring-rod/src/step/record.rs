@@ -11,8 +11,9 @@ use crate::rod::constants::Constants;
 use crate::rod::continuous_module::PulledModule;
 use crate::rod::gauss::GAUSS;
 use crate::rod::groups::{get, get_mat, put, put_mat};
-use crate::rod::module::{Span, State};
 use crate::rod::routes::Tendons;
+use crate::rod::span::Span;
+use crate::rod::state::State;
 
 /// Fields at successive times, flat arrays in SI units, in the base frame unless stated otherwise.
 #[derive(Clone, Debug, Default)]

@@ -13,7 +13,7 @@ use crate::math::real::{Layout, Real};
 use crate::rod::between::OnSection;
 use crate::rod::chain::Rod;
 use crate::rod::groups::{get, get_mat, lanes, put};
-use crate::rod::module::State;
+use crate::rod::state::State;
 
 /// Solutions for the present tangent.
 pub(super) struct Response<L: Layout, const A: usize> {
