@@ -24,7 +24,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// `evaluate` with point loads: followers turn with their disks.
     #[cold]
-    pub fn evaluate_attached(&mut self) -> L::Chain {
+    fn evaluate_attached(&mut self) -> L::Chain {
         self.layout.vectorize(
             #[inline(always)]
             || self.evaluate_with_points(),
