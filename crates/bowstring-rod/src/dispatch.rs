@@ -13,11 +13,13 @@ use crate::memory;
 use crate::model::error::InputError;
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
-use crate::rod::chain::{get, in_group, Rod};
+use crate::rod::chain::Rod;
 use crate::rod::estimate::Correction;
+use crate::rod::groups::get;
 use crate::rod::newton_step::Step;
 use crate::rod::responses::Sources;
 use crate::rod::routed::RoutedRod;
+use crate::rod::routes::in_group;
 use crate::rod::sensitivity::{self, Jacobians};
 use crate::step::{Damping, Motion, MotionsSideBySide, Moving, SideBySide};
 

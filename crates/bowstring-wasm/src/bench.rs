@@ -1,54 +1,21 @@
 //! A robot on the bench: its path of equilibria, and the fields of its present pose.
 
 use crate::arcs::Curvature;
-use crate::motion::Motion;
+use crate::loads::Loads;
+use crate::motion::{Motion, POINTS};
 use bowstring_compiled::{read, Compiled};
 use bowstring_core::dynamics::integrator::{Damping, Fields, Integrator, Simulator, Step};
-use bowstring_core::model::load::{Load, Model};
+use bowstring_core::model::load::Model;
 use bowstring_core::model::robot::{Robot, Tendon};
 use bowstring_core::statics::inverse::InverseSolver;
 use bowstring_core::statics::path::{Command, Line, PathOutcome, PathSolver};
 use bowstring_core::statics::solver::Status;
 use bowstring_core::stress::Section;
 
-/// Points of the backbone in a module.
-pub const POINTS: usize = 5;
 /// Time step of a motion (s).
 const TIME_STEP: f64 = 1.0 / 240.0;
 /// Spectral radius: fast oscillations of single modules decay.
 const SPECTRAL_RADIUS: f64 = 0.8;
-
-/// Dead loads.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Loads {
-    pub gravity: [f64; 3],
-    pub force: [f64; 3],
-    pub moment: [f64; 3],
-}
-
-impl Loads {
-    /// From gravity, force and moment in one row.
-    pub fn new(row: &[f64]) -> Result<Self, String> {
-        let &[gx, gy, gz, fx, fy, fz, mx, my, mz] = row else {
-            return Err(format!("{} numbers of loads, must be 9", row.len()));
-        };
-        Ok(Loads {
-            gravity: [gx, gy, gz],
-            force: [fx, fy, fz],
-            moment: [mx, my, mz],
-        })
-    }
-
-    pub fn with<'a>(&self, tensions: &'a [f64]) -> Load<'a> {
-        Load {
-            tensions,
-            gravity: self.gravity,
-            tip_force: self.force,
-            tip_moment: self.moment,
-            ..Load::default()
-        }
-    }
-}
 
 /// How a solve ended.
 pub struct Solved {
@@ -74,7 +41,7 @@ pub struct Bench {
     /// Fields of the last equilibrium, of the robot with its mass in points as in a motion: for
     /// stress and the picture.
     fields: Option<Fields>,
-    pub(crate) motion: Option<Motion>,
+    motion: Option<Motion>,
     /// Inverse kinematics, made at its first use.
     pub(crate) inverse: Option<Box<InverseSolver>>,
 }
@@ -235,7 +202,7 @@ impl Bench {
 
     /// A motion at rest in the last equilibrium, with one element in each module, so that it keeps
     /// up with real time; the sentence says why there is none.
-    pub(crate) fn at_rest(&self, gravity: [f64; 3], damping: f64) -> Result<Simulator, String> {
+    fn at_rest(&self, gravity: [f64; 3], damping: f64) -> Result<Simulator, String> {
         let said = |error: bowstring_core::model::error::InputError| error.to_string();
         let mut simulator = self.simulator(
             1,
@@ -254,6 +221,51 @@ impl Bench {
         }
     }
 
+    /// Starts a motion from the last equilibrium towards other commands and loads; gravity stays.
+    pub fn release(
+        &mut self,
+        commands: &[f64],
+        loads: &Loads,
+        rise: f64,
+        damping: f64,
+    ) -> Result<(), String> {
+        self.motion = None;
+        if !(rise >= 0.0 && rise.is_finite()) {
+            return Err(format!("the rise time is {rise} s; it must be 0 or more"));
+        }
+        let history = self.path.history();
+        let load = &history.load;
+        let before = Loads {
+            gravity: load.gravity,
+            force: load.tip_force,
+            moment: load.tip_moment,
+        };
+        let values: Vec<_> = history.commands.iter().map(Command::value).collect();
+        if commands.len() != values.len() {
+            return Err(format!(
+                "{} commands, and the robot has {} tendons",
+                commands.len(),
+                values.len()
+            ));
+        }
+        let simulator = self.at_rest(before.gravity, damping)?;
+        let (from, to) = ((values, before), (commands.to_vec(), *loads));
+        self.motion = Some(Motion::new(simulator, from, to, rise)?);
+        Ok(())
+    }
+
+    /// Advances the motion; the sentence says why it stopped, and is empty where it did not.
+    pub fn advance(&mut self, duration: f64) -> Result<String, String> {
+        let Some(motion) = &mut self.motion else {
+            return Err("nothing moves: release the robot first".into());
+        };
+        motion.advance(duration)
+    }
+
+    pub fn kinetic_energy(&self) -> f64 {
+        self.motion.as_ref().map_or(0.0, Motion::kinetic_energy)
+    }
+
     pub(crate) fn robot(&self) -> &Robot {
         &self.robot
     }
@@ -264,10 +276,6 @@ impl Bench {
 
     pub(crate) fn lines(&self) -> &[Line] {
         &self.lines
-    }
-
-    pub(crate) fn path(&self) -> &PathSolver {
-        &self.path
     }
 
     /// Fields of the motion, or of the last equilibrium.

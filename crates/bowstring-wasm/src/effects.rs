@@ -1,7 +1,8 @@
 //! Effects that constant curvature leaves out, removed from the rod one at a time: the definitions of
 //! the package's `bowstring.validity.effects`.
 
-use crate::bench::{Bench, Loads};
+use crate::bench::Bench;
+use crate::loads::Loads;
 use bowstring_core::model::error::InputError;
 use bowstring_core::model::load::{TendonPath, Theory};
 use bowstring_core::model::robot::{Profile, Robot};

@@ -8,14 +8,16 @@
 mod arcs;
 mod bench;
 mod effects;
+mod loads;
 mod motion;
 mod reach;
 #[cfg(test)]
 mod tests;
 
 pub use arcs::CurvatureLaw;
-use bench::{Bench, Loads};
+use bench::Bench;
 pub use effects::Effect;
+use loads::Loads;
 use wasm_bindgen::prelude::*;
 
 type Answer<T> = Result<T, JsError>;

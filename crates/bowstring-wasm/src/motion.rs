@@ -1,8 +1,10 @@
 //! Motion on release.
 
-use crate::bench::{Bench, Loads, POINTS};
+use crate::loads::Loads;
 use bowstring_core::dynamics::integrator::{Fields, Simulator, Stop};
-use bowstring_core::statics::path::Command;
+
+/// Points of the backbone in a module.
+pub const POINTS: usize = 5;
 
 /// A motion whose commands and loads change linearly and then stay.
 pub struct Motion {
@@ -14,6 +16,29 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// From rest under commands and loads to others, which they reach after the rise time (s).
+    pub fn new(
+        mut simulator: Simulator,
+        from: (Vec<f64>, Loads),
+        to: (Vec<f64>, Loads),
+        rise: f64,
+    ) -> Result<Self, String> {
+        if rise == 0.0 {
+            let (commands, loads) = &to;
+            let jumped = simulator.jump(&loads.with(commands));
+            jumped.map_err(|error| error.to_string())?;
+        }
+        let mut fields = Fields::default();
+        simulator.record(POINTS, &mut fields);
+        Ok(Motion {
+            simulator,
+            from,
+            to,
+            rise,
+            fields,
+        })
+    }
+
     pub fn fields(&self) -> &Fields {
         &self.fields
     }
@@ -35,73 +60,24 @@ impl Motion {
         };
         (commands.collect(), loads)
     }
-}
-
-impl Bench {
-    /// Starts a motion from the last equilibrium towards other commands and loads; gravity stays.
-    pub fn release(
-        &mut self,
-        commands: &[f64],
-        loads: &Loads,
-        rise: f64,
-        damping: f64,
-    ) -> Result<(), String> {
-        self.motion = None;
-        if !(rise >= 0.0 && rise.is_finite()) {
-            return Err(format!("the rise time is {rise} s; it must be 0 or more"));
-        }
-        let history = self.path().history();
-        let load = &history.load;
-        let before = Loads {
-            gravity: load.gravity,
-            force: load.tip_force,
-            moment: load.tip_moment,
-        };
-        let values: Vec<_> = history.commands.iter().map(Command::value).collect();
-        if commands.len() != values.len() {
-            return Err(format!(
-                "{} commands, and the robot has {} tendons",
-                commands.len(),
-                values.len()
-            ));
-        }
-        let mut simulator = self.at_rest(before.gravity, damping)?;
-        if rise == 0.0 {
-            let jumped = simulator.jump(&loads.with(commands));
-            jumped.map_err(|error| error.to_string())?;
-        }
-        let mut fields = Fields::default();
-        simulator.record(POINTS, &mut fields);
-        self.motion = Some(Motion {
-            simulator,
-            from: (values, before),
-            to: (commands.to_vec(), *loads),
-            rise,
-            fields,
-        });
-        Ok(())
-    }
 
     /// Advances the motion; the sentence says why it stopped, and is empty where it did not.
     pub fn advance(&mut self, duration: f64) -> Result<String, String> {
-        let Some(motion) = &mut self.motion else {
-            return Err("nothing moves: release the robot first".into());
-        };
         if !(duration >= 0.0 && duration.is_finite()) {
             return Err(format!(
                 "the duration is {duration} s; it must be zero or more seconds"
             ));
         }
-        let end = motion.simulator.time() + duration;
+        let end = self.simulator.time() + duration;
         // the load is linear in time only before and after the end of the rise
-        let bend = motion.rise.clamp(motion.simulator.time(), end);
+        let bend = self.rise.clamp(self.simulator.time(), end);
         for time in [bend, end] {
-            let duration = time - motion.simulator.time();
+            let duration = time - self.simulator.time();
             if duration <= 0.0 {
                 continue;
             }
-            let (commands, loads) = motion.at(time);
-            let moved = motion.simulator.advance(duration, &loads.with(&commands));
+            let (commands, loads) = self.at(time);
+            let moved = self.simulator.advance(duration, &loads.with(&commands));
             let (stop, _) = moved.map_err(|error| error.to_string())?;
             if let Some(stop) = stop {
                 return Ok(match stop {
@@ -111,13 +87,12 @@ impl Bench {
                 .into());
             }
         }
-        motion.fields.clear();
-        motion.simulator.record(POINTS, &mut motion.fields);
+        self.fields.clear();
+        self.simulator.record(POINTS, &mut self.fields);
         Ok(String::new())
     }
 
     pub fn kinetic_energy(&self) -> f64 {
-        let motion = self.motion.as_ref();
-        motion.map_or(0.0, |motion| motion.simulator.energies().kinetic)
+        self.simulator.energies().kinetic
     }
 }

@@ -1,6 +1,7 @@
 //! Inverse kinematics: tensions that bring the tip to a point.
 
-use crate::bench::{Bench, Loads};
+use crate::bench::Bench;
+use crate::loads::Loads;
 use bowstring_core::model::load::RodModel;
 use bowstring_core::statics::inverse::{InverseSolver, InverseStatus, Limits, Target};
 

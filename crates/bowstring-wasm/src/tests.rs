@@ -1,8 +1,9 @@
 //! The bench beside the core's own solvers, and what it does without an equilibrium.
 
 use crate::arcs::CurvatureLaw;
-use crate::bench::{Bench, Loads};
+use crate::bench::Bench;
 use crate::effects::Effect;
+use crate::loads::Loads;
 use bowstring_core::model::load::{Load, Model, TendonPath};
 use bowstring_core::statics::adaptive::Adaptive;
 

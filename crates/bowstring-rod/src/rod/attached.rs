@@ -1,4 +1,5 @@
 //! Loads on disks beside dead forces on their centres: moments, forces off the centre, followers.
+//! [`Rod::load`] sets all loads.
 //!
 //! Theory: docs/theory/rod.md (Loads) and docs/theory/statics.md (Followers).
 //!
@@ -15,39 +16,13 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{same_section, Load, PointLoad};
 use crate::model::robot::{place, Payload, Place};
-use crate::rod::between::Between;
-use crate::rod::chain::{get, get_mat, lumped, Rod};
+use crate::rod::chain::{Attached, Coupling, Rod};
 use crate::rod::constants::Constants;
 use crate::rod::elimination::Blocks;
-
-/// Moments and point loads on the disks of a robot.
-#[derive(Clone)]
-pub struct Attached<C, const A: usize> {
-    /// Dead moments on the disks in the base frame (N m), that on the tip included; empty if there
-    /// are none.
-    moments: Vec<Vec3<C>>,
-    /// By disks from base to tip.
-    loads: Vec<PointLoad>,
-    pub between: Between<C>,
-    /// Modules before the last follower force.
-    followed: usize,
-    /// Loads on the modules without followers; empty if there are none.
-    constant: Vec<[Vec3<C>; 4]>,
-    /// By modules before the last follower force, from the last elimination.
-    couplings: Vec<Coupling<C, A>>,
-    /// Change of the force of the part beyond a disk by its rotation (N), during an elimination.
-    by_turn: Mat3<C>,
-}
-
-/// Effect on a module of a change of the force beyond it, in the frame of its start.
-#[derive(Clone, Copy)]
-pub struct Coupling<T, const A: usize> {
-    /// Change of the force by the rotation of the module's end (N).
-    by_turn: Mat3<T>,
-    /// Moment imbalance of each arc and of the start by the force (m).
-    arcs: [Mat3<T>; A],
-    start: Mat3<T>,
-}
+use crate::rod::groups::{get, get_mat};
+use crate::rod::point_loads::{
+    potential_of, sum_of_forces, sum_of_moments, sum_of_stiffness, turning_of,
+};
 
 impl<T: Real, const A: usize> Coupling<T, A> {
     fn none() -> Self {
@@ -100,18 +75,6 @@ impl<T: Real, const A: usize> Coupling<T, A> {
 }
 
 impl<C: Real, const A: usize> Attached<C, A> {
-    pub fn none() -> Self {
-        Attached {
-            moments: vec![],
-            loads: vec![],
-            between: Between::none(),
-            followed: 0,
-            constant: vec![],
-            couplings: vec![],
-            by_turn: Mat3::zero(),
-        }
-    }
-
     /// Whether there are moments or point loads.
     #[inline(always)]
     pub fn acts(&self) -> bool {
@@ -124,18 +87,15 @@ impl<C: Real, const A: usize> Attached<C, A> {
         !self.loads.is_empty() || self.has_between()
     }
 
-    /// Whether loads can act between two disks. They need two elements, and plain numbers.
-    pub const BETWEEN: bool = A > 2 && C::PLAIN;
-
-    /// Whether there are loads between two disks.
+    /// Whether there are loads between two disks; see `Rod::BETWEEN`.
     #[inline(always)]
     pub fn has_between(&self) -> bool {
-        Self::BETWEEN && !self.between.loads().is_empty()
+        A > 2 && C::PLAIN && !self.between.loads.is_empty()
     }
 
     /// Whether all of them have a potential.
     pub fn has_potential(&self) -> bool {
-        let mut loads = self.loads.iter().chain(self.between.loads());
+        let mut loads = self.loads.iter().chain(&self.between.loads);
         self.moments.is_empty() && loads.all(PointLoad::has_potential)
     }
 
@@ -148,7 +108,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
                 self.moments.push(Vec3::splat(load.moment_on(k, n)));
             }
         }
-        let between = !self.between.loads().is_empty();
+        let between = !self.between.loads.is_empty();
         if load.point_loads.is_empty() && self.loads.is_empty() && !between {
             return;
         }
@@ -159,7 +119,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
             self.loads.extend_from_slice(load.point_loads);
         }
         sort_by_disk(&mut self.loads);
-        self.followed = followed(&self.loads).max(followed(self.between.loads()));
+        self.followed = followed(&self.loads).max(followed(&self.between.loads));
         if self.followed > 0 && self.couplings.is_empty() {
             self.couplings = copies(Coupling::none(), n);
         }
@@ -187,7 +147,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
 
     /// The loads on a disk.
     #[inline(always)]
-    fn on(&self, k: usize) -> &[PointLoad] {
+    pub fn on(&self, k: usize) -> &[PointLoad] {
         of_disk(&self.loads, k)
     }
 
@@ -205,7 +165,7 @@ impl<C: Real, const A: usize> Attached<C, A> {
 
     /// Potential of the dead forces by the rotation of a disk (J).
     #[inline(always)]
-    fn potential(&self, k: usize, rotation: &Mat3<C>) -> C {
+    pub fn potential(&self, k: usize, rotation: &Mat3<C>) -> C {
         potential_of(self.on(k), rotation)
     }
 
@@ -300,81 +260,38 @@ fn of_disk(loads: &[PointLoad], k: usize) -> &[PointLoad] {
     &loads[first..after]
 }
 
-/// Sum of forces at some rotation, in the base frame (N); of dead forces alone without one.
-pub fn sum_of_forces<C: Real>(loads: &[PointLoad], rotation: Option<&Mat3<C>>) -> Vec3<C> {
-    let mut sum = Vec3::zero();
-    for load in loads {
-        let force = Vec3::splat(load.force);
-        sum += match (load.follower, rotation) {
-            (true, Some(rotation)) => *rotation * force,
-            (true, None) => continue,
-            (false, _) => force,
-        };
-    }
-    sum
-}
-
-/// Sum of moments at some rotation about the centre, in its frame (N m).
-#[inline(always)]
-pub fn sum_of_moments<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> Vec3<C> {
-    let mut sum = Vec3::zero();
-    for load in loads {
-        sum += match load.follower {
-            true => Vec3::splat(load.own_moment().0),
-            false => {
-                let force = rotation.tr_mul(Vec3::splat(load.force));
-                let moment = rotation.tr_mul(Vec3::splat(load.moment));
-                Vec3::splat(load.point).cross(force) + moment
-            }
-        };
-    }
-    sum
-}
-
-/// Potential of dead forces by the rotation (J).
-#[inline(always)]
-pub fn potential_of<C: Real>(loads: &[PointLoad], rotation: &Mat3<C>) -> C {
-    let mut sum = C::zero();
-    for load in loads.iter().filter(|load| !load.follower) {
-        let point = *rotation * Vec3::splat(load.point);
-        sum -= point.dot(Vec3::splat(load.force));
-    }
-    sum
-}
-
-/// Adds the stiffness of loads against the rotation to a sum; see [`Attached::stiffness`].
-#[inline(always)]
-pub fn sum_of_stiffness<C: Real, const SYMMETRIC: bool>(
-    loads: &[PointLoad],
-    rotation: &Mat3<C>,
-    mut sum: Mat3<C>,
-) -> Mat3<C> {
-    let half = C::splat(0.5);
-    for load in loads {
-        let mut skew = Vec3::splat(load.own_moment().0) * half;
-        if !load.follower {
-            let force = rotation.tr_mul(Vec3::splat(load.force));
-            let point = Vec3::splat(load.point);
-            sum += (-force.outer(point).symmetric_part()).add_diagonal([force.dot(point); 3]);
-            skew = rotation.tr_mul(Vec3::splat(load.moment)) * -half;
-        }
-        if !SYMMETRIC {
-            sum += skew.skew();
-        }
-    }
-    sum
-}
-
-/// Change of the forces of followers by their rotation, in their frame (N).
-pub fn turning_of<C: Real>(loads: &[PointLoad]) -> Mat3<C> {
-    let mut sum = Vec3::zero();
-    for load in loads.iter().filter(|load| load.follower) {
-        sum += Vec3::splat(load.force);
-    }
-    (-sum).skew()
-}
-
 impl<L: Layout, const A: usize> Rod<L, A> {
+    /// Whether all loads have a potential.
+    pub fn has_potential(&self) -> bool {
+        self.attached.has_potential()
+    }
+
+    /// Sets dead moments and point loads; returns whether this divides modules anew.
+    pub fn set_attached(&mut self, load: &Load) -> bool {
+        let divided = self.attached.has_between();
+        self.attached.set(load, &self.fixed.modules);
+        if Self::BETWEEN {
+            return (divided || self.attached.has_between()) && self.divide();
+        }
+        false
+    }
+
+    /// Sets a load that has been checked.
+    pub fn load(&mut self, load: &Load) {
+        let on_disks = |k: usize| Vec3::splat(load.disk_forces[k]);
+        // divides modules, so before their weight
+        self.set_attached(load);
+        self.set_load(
+            |i| L::Chain::splat(load.tensions[i]),
+            Vec3::splat(load.gravity),
+            Vec3::splat(load.tip_force),
+            (!load.disk_forces.is_empty()).then_some(on_disks),
+        );
+        self.attached
+            .add_weights(&self.fixed.payloads, load.gravity);
+        self.add_forces(load.line_forces);
+    }
+
     /// Adds the dead point forces and the forces per length before each disk to the loads on the
     /// modules, after `set_load`.
     pub fn add_forces(&mut self, lines: &[[f64; 3]]) {
@@ -389,7 +306,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             [sum_of_forces(rod.attached.on(k), None), between]
         };
         self.add_resultants(lines, forces);
-        self.has_forces_on_disks();
+        self.dead.on_disks = true;
         if Self::BETWEEN && self.attached.has_between() {
             self.set_couples();
             self.set_forces_between(false);
@@ -402,7 +319,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Adds forces on the disks, between them, and per length before them, in the base frame, to the
     /// loads on the modules.
     #[inline(always)]
-    fn add_resultants(
+    pub fn add_resultants(
         &mut self,
         lines: &[[f64; 3]],
         forces: impl Fn(&Self, usize) -> [Vec3<L::Chain>; 2],
@@ -413,7 +330,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             force += on_disk;
             let c = &self.fixed.modules[k];
             let line = lines.get(k).map_or(Vec3::zero(), |line| Vec3::splat(*line));
-            let loads = lumped(line, force, c);
+            let loads = c.lumped(line, force);
             let sums = &mut self.dead.modules[k];
             for (sum, load) in sums.iter_mut().zip(loads) {
                 *sum += load;
@@ -421,47 +338,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             sums[2] += between * c.clamp[0];
             force += line * (c.flexible + c.clamp[0] + c.clamp[1]) + between;
         }
-    }
-
-    /// `evaluate` with point loads: followers turn with their disks.
-    #[cold]
-    pub fn evaluate_attached(&mut self) -> L::Chain {
-        self.layout.vectorize(
-            #[inline(always)]
-            || self.evaluate_with_points(),
-        )
-    }
-
-    #[inline(always)]
-    fn evaluate_with_points(&mut self) -> L::Chain {
-        if self.attached.followed > 0 {
-            self.turn_disks();
-            self.dead.modules.clone_from(&self.attached.constant);
-            self.add_resultants(&[], |rod, k| {
-                let (rotation, mut on_disk) = (&rod.rotations[k + 1], Vec3::zero());
-                for load in rod.attached.on(k) {
-                    if load.follower {
-                        on_disk += *rotation * Vec3::splat(load.force);
-                    }
-                }
-                let mut between = Vec3::zero();
-                if Self::BETWEEN && rod.attached.has_between() {
-                    between = rod.force_between(k, true);
-                }
-                [on_disk, between]
-            });
-            if Self::BETWEEN && self.attached.has_between() {
-                self.set_forces_between(true);
-            }
-        }
-        let mut energy = self.evaluate_module_loads();
-        for k in 0..self.module_count() {
-            energy += self.attached.potential(k, &self.rotations[k + 1]);
-        }
-        if Self::BETWEEN && self.attached.has_between() {
-            energy += self.potential_between();
-        }
-        energy
     }
 
     /// Adds the couplings by follower forces beyond module `k` to its blocks.

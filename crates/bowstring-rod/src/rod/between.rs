@@ -11,46 +11,18 @@
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::PointLoad;
-use crate::rod::attached::{
-    potential_of, sum_of_forces, sum_of_moments, sum_of_stiffness, turning_of,
-};
-use crate::rod::chain::{get, get_mat, nodes_of, put, Rod};
+use crate::rod::chain::{Between, LoadedSection, Rod};
 use crate::rod::constants::Constants;
 use crate::rod::defect::LoadsOnNodes;
 use crate::rod::elimination::Blocks;
+use crate::rod::groups::{get, get_mat, put};
+use crate::rod::point_loads::{
+    potential_of, sum_of_forces, sum_of_moments, sum_of_stiffness, turning_of,
+};
 #[cfg(doc)]
-use crate::rod::module::Tendons;
-use crate::rod::module::{Gradient, State};
+use crate::rod::routes::Tendons;
+use crate::rod::state::{Gradient, State};
 use std::ops::Range;
-
-/// Loads between disks, and the sections on which they act, both from base to tip.
-#[derive(Clone)]
-pub struct Between<C> {
-    /// By sections; `disk` is the one after them.
-    loads: Vec<PointLoad>,
-    sections: Vec<LoadedSection<C>>,
-}
-
-/// A section of the backbone, at the node before an element.
-#[derive(Clone)]
-pub struct LoadedSection<C> {
-    /// Module, and fraction of its flexible part.
-    module: usize,
-    fraction: f64,
-    /// The element after it.
-    element: usize,
-    /// Its loads in the list of all.
-    loads: Range<usize>,
-    /// Sum of their forces in the base frame (N).
-    force: Vec3<C>,
-    /// Couple on the tangent by Hermite's rule of the weight, in the base frame (N m).
-    couple: Vec3<C>,
-    /// Imbalance of the moment (N m), in the frame of the module's start, from the last gradient.
-    torque: Vec3<C>,
-    /// Change of the force by the rotation of the section (N), in the same frame, from the last
-    /// elimination.
-    by_turn: Mat3<C>,
-}
 
 impl<C: Real> LoadedSection<C> {
     /// Arcs of its module before it.
@@ -107,17 +79,6 @@ pub fn ends_of_arcs<const A: usize>(fractions: &[f64], base: usize) -> ([f64; A]
 }
 
 impl<C: Real> Between<C> {
-    pub fn none() -> Self {
-        Between {
-            loads: vec![],
-            sections: vec![],
-        }
-    }
-
-    pub fn loads(&self) -> &[PointLoad] {
-        &self.loads
-    }
-
     pub fn clear(&mut self) {
         self.loads.clear();
         self.sections.clear();
@@ -277,6 +238,15 @@ fn couple_by_weight<C: Real, const A: usize>(c: &Constants<C, A>, element: usize
     c.flexible * C::splat(2.0 / A as f64) * unequal
 }
 
+/// Forces of loads between disks on the nodes of a group; see [`Tendons::on_nodes`].
+#[inline(always)]
+pub fn nodes_of<T, const A: usize>(on_nodes: &[[Vec3<T>; A]], group: usize) -> &[Vec3<T>] {
+    match A {
+        2 => &[],
+        _ => on_nodes.get(group).map_or(&[], |nodes| nodes),
+    }
+}
+
 impl<L: Layout, const A: usize> Rod<L, A> {
     fn between(&self) -> &Between<L::Chain> {
         &self.attached.between
@@ -312,7 +282,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
         }
         self.on_nodes.clear();
-        if Self::BETWEEN && self.attached.has_between() {
+        if Self::BETWEEN && !self.between().loads.is_empty() {
             let none = [Vec3::zero(); A];
             self.on_nodes.resize(self.states.len(), none);
         }

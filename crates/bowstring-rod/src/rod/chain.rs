@@ -10,16 +10,18 @@ use crate::math::copies;
 use crate::math::lie::Pose;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real, MOST_LANES};
-use crate::model::load::{Load, Model, TendonPath};
+use crate::model::load::{Model, PointLoad, TendonPath};
 use crate::model::robot::{Payload, Robot};
-use crate::rod::attached::Attached;
 use crate::rod::constants::{Constants, Taper};
 use crate::rod::defect::Defect;
 use crate::rod::elimination::Eliminated;
-use crate::rod::module::{Gradient, Hessian, Response, Span, State, Tendons};
-use crate::rod::newton_step::Newton;
-use crate::rod::responses::Spans;
+use crate::rod::groups::{get, put};
 use crate::rod::routes::Routes;
+#[cfg(doc)]
+use crate::rod::routes::Tendons;
+use crate::rod::span::Span;
+use crate::rod::state::{Gradient, Hessian, Response, State};
+use std::ops::Range;
 
 /// A robot under load, with its scratch memory: no pass of a solve allocates.
 #[derive(Clone)]
@@ -85,7 +87,7 @@ impl<L: Layout, const A: usize> Fixed<L, A> {
         let (h, [start, end]) = (c.flexible, c.clamp);
         let weight = gravity * c.mass_per_length;
         *force += gravity * self.masses[k];
-        let mut loads = lumped(weight, *force, c);
+        let mut loads = c.lumped(weight, *force);
         if let Some(taper) = self.tapers.get(k) {
             let (shift, turns) = taper.lumped(h, gravity);
             loads[0] += shift;
@@ -108,6 +110,104 @@ pub struct DeadLoads<C> {
     pub on_disks: bool,
 }
 
+/// Moments and point loads on the disks of a robot.
+#[derive(Clone)]
+pub struct Attached<C, const A: usize> {
+    /// Dead moments on the disks in the base frame (N m), that on the tip included; empty if there
+    /// are none.
+    pub moments: Vec<Vec3<C>>,
+    /// By disks from base to tip.
+    pub loads: Vec<PointLoad>,
+    pub between: Between<C>,
+    /// Modules before the last follower force.
+    pub followed: usize,
+    /// Loads on the modules without followers; empty if there are none.
+    pub constant: Vec<[Vec3<C>; 4]>,
+    /// By modules before the last follower force, from the last elimination.
+    pub couplings: Vec<Coupling<C, A>>,
+    /// Change of the force of the part beyond a disk by its rotation (N), during an elimination.
+    pub by_turn: Mat3<C>,
+}
+
+/// Effect on a module of a change of the force beyond it, in the frame of its start.
+#[derive(Clone, Copy)]
+pub struct Coupling<T, const A: usize> {
+    /// Change of the force by the rotation of the module's end (N).
+    pub by_turn: Mat3<T>,
+    /// Moment imbalance of each arc and of the start by the force (m).
+    pub arcs: [Mat3<T>; A],
+    pub start: Mat3<T>,
+}
+
+/// Loads between disks, and the sections on which they act, both from base to tip.
+#[derive(Clone)]
+pub struct Between<C> {
+    /// By sections; `disk` is the one after them.
+    pub loads: Vec<PointLoad>,
+    pub sections: Vec<LoadedSection<C>>,
+}
+
+/// A section of the backbone, at the node before an element.
+#[derive(Clone)]
+pub struct LoadedSection<C> {
+    /// Module, and fraction of its flexible part.
+    pub module: usize,
+    pub fraction: f64,
+    /// The element after it.
+    pub element: usize,
+    /// Its loads in the list of all.
+    pub loads: Range<usize>,
+    /// Sum of their forces in the base frame (N).
+    pub force: Vec3<C>,
+    /// Couple on the tangent by Hermite's rule of the weight, in the base frame (N m).
+    pub couple: Vec3<C>,
+    /// Imbalance of the moment (N m), in the frame of the module's start, from the last gradient.
+    pub torque: Vec3<C>,
+    /// Change of the force by the rotation of the section (N), in the same frame, from the last
+    /// elimination.
+    pub by_turn: Mat3<C>,
+}
+
+/// Data of a Newton step.
+#[derive(Clone)]
+pub struct Newton<L: Layout, const A: usize> {
+    pub hessians: Vec<Hessian<L::Module, A>>,
+    /// Responses of the ends of modules, from the last `linearise`.
+    pub responses: Vec<Response<L::Module, A>>,
+    /// Eliminated blocks, by modules.
+    pub eliminated: Vec<Eliminated<L::Chain, A, 1>>,
+    /// Whether the last elimination was that of a symmetric tangent.
+    pub symmetric: bool,
+    pub step: Vec<[Vec3<L::Module>; A]>,
+    /// Strain to return to.
+    pub saved: Vec<[Vec3<L::Module>; A]>,
+    /// Contact force to return to (N), as a start for the next balance.
+    pub saved_force: Vec<Vec3<L::Module>>,
+}
+
+/// Spans of the last `measure_spans`, and their responses.
+#[derive(Clone)]
+pub struct Spans<L: Layout, const A: usize> {
+    /// Spans by groups and tendons.
+    pub spans: Vec<Span<L::Module>>,
+    /// Lengths by modules and tendons (m); zero where the tendon does not pass.
+    pub lengths: Vec<f64>,
+    /// Angles of the tendons at the holes where spans begin, by modules and tendons (rad).
+    pub angles: Vec<f64>,
+    /// Responses to right-hand sides; see `respond`.
+    pub responses: Vec<SourceResponses<L, A>>,
+}
+
+/// Responses of the rod, side by side in the lanes that hold modules elsewhere.
+#[derive(Clone)]
+pub struct SourceResponses<L: Layout, const A: usize> {
+    /// By modules: rotation added by every arc, and force on the end.
+    pub u: Vec<[Vec3<L::Module>; A]>,
+    pub force: Vec<Vec3<L::Module>>,
+    /// By modules and tendons: length change of a tendon from the start of the module on.
+    pub beyond: Vec<L::Module>,
+}
+
 /// Positions and lengths of the last `finish`.
 #[derive(Clone)]
 pub struct Placed<C> {
@@ -126,80 +226,6 @@ pub struct Errors<L: Layout> {
     pub defects: Vec<Defect<L::Module>>,
     /// Errors of the tendon lengths (m).
     pub lengths: Vec<L::Chain>,
-}
-
-/// The tendons in one group of modules.
-#[inline(always)]
-pub fn in_group<'a, M: Real>(
-    tendons: &'a Routes<M>,
-    tensions: &'a [M],
-    path: TendonPath,
-    group: usize,
-) -> Tendons<'a, M> {
-    let count = tendons.len();
-    Tendons {
-        holes: tendons.in_group(group),
-        tensions: &tensions[group * count..(group + 1) * count],
-        path,
-        on_nodes: &[],
-    }
-}
-
-/// Forces of loads between disks on the nodes of a group; see [`Tendons::on_nodes`].
-#[inline(always)]
-pub fn nodes_of<T, const A: usize>(on_nodes: &[[Vec3<T>; A]], group: usize) -> &[Vec3<T>] {
-    match A {
-        2 => &[],
-        _ => on_nodes.get(group).map_or(&[], |nodes| nodes),
-    }
-}
-
-#[inline(always)]
-pub fn get<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Chain> {
-    Vec3([L::get(&v.0[0], i), L::get(&v.0[1], i), L::get(&v.0[2], i)])
-}
-
-#[inline(always)]
-pub fn get_mat<L: Layout>(m: &Mat3<L::Module>, i: usize) -> Mat3<L::Chain> {
-    let mut out = Mat3::zero();
-    for (row, from) in out.0.iter_mut().zip(&m.0) {
-        for (x, y) in row.iter_mut().zip(from) {
-            *x = L::get(y, i);
-        }
-    }
-    out
-}
-
-#[inline(always)]
-pub fn put<L: Layout>(v: &mut Vec3<L::Module>, i: usize, c: Vec3<L::Chain>) {
-    for q in 0..3 {
-        L::put(&mut v.0[q], i, c.0[q]);
-    }
-}
-
-#[inline(always)]
-pub fn put_mat<L: Layout>(m: &mut Mat3<L::Module>, i: usize, c: &Mat3<L::Chain>) {
-    for (row, from) in m.0.iter_mut().zip(&c.0) {
-        for (x, y) in row.iter_mut().zip(from) {
-            L::put(x, i, *y);
-        }
-    }
-}
-
-/// A number for every module of a group; zero in idle lanes.
-#[inline(always)]
-pub fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) -> L::Module {
-    if L::WIDTH == 1 {
-        return L::Module::splat(of(g));
-    }
-    L::Module::from_fn(|i| {
-        let k = g * L::WIDTH + i;
-        if k < n {
-            of(k)
-        } else {
-            0.0
-        }
-    })
 }
 
 /// A value of every module of every robot, by robots and modules.
@@ -228,31 +254,9 @@ fn lanes_of<P>(
     })
 }
 
-/// Loads on a module (see [`State::f`]) by a force per length on its backbone, whose flexible part
-/// has some length between two clamps, and a force on its end disk. Hermite's rule: half of the
-/// force on an element at each end, and a couple.
-#[inline(always)]
-pub fn lumped<T: Real, const A: usize>(
-    line: Vec3<T>,
-    force: Vec3<T>,
-    c: &Constants<T, A>,
-) -> [Vec3<T>; 4] {
-    let half = T::splat(0.5);
-    let (flexible, [start, end]) = (c.flexible, c.clamp);
-    let element = flexible * T::splat(2.0 / A as f64);
-    let [first, last] = [element * c.part(0), element * c.part(A / 2 - 1)];
-    let [at_start, at_end] = [first, last].map(|length| length * length / T::splat(12.0));
-    [
-        force + line * (last * half + end),
-        force * end + line * (end * end * half - at_end),
-        force * start + line * (start * (start * half + flexible + end) + at_start),
-        line * element,
-    ]
-}
-
 impl<L: Layout, const A: usize> Rod<L, A> {
-    /// Whether loads can act between two disks; see [`Attached::BETWEEN`].
-    pub const BETWEEN: bool = Attached::<L::Chain, A>::BETWEEN;
+    /// Whether loads can act between two disks. They need two elements, and plain numbers.
+    pub const BETWEEN: bool = A > 2 && L::Chain::PLAIN;
 
     #[inline(never)]
     pub fn new(layout: L, robot: &Robot, model: Model) -> Self {
@@ -300,7 +304,18 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 gravity: Vec3::zero(),
                 on_disks: false,
             },
-            attached: Attached::none(),
+            attached: Attached {
+                moments: vec![],
+                loads: vec![],
+                between: Between {
+                    loads: vec![],
+                    sections: vec![],
+                },
+                followed: 0,
+                constant: vec![],
+                couplings: vec![],
+                by_turn: Mat3::zero(),
+            },
             on_nodes: vec![],
             newton: Newton {
                 hessians: copies(Hessian::empty(), groups),
@@ -472,43 +487,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         loads
     }
 
-    /// Sets dead moments and point loads; returns whether this divides modules anew.
-    pub fn set_attached(&mut self, load: &Load) -> bool {
-        let divided = self.attached.has_between();
-        self.attached.set(load, &self.fixed.modules);
-        if Self::BETWEEN {
-            return (divided || self.attached.has_between()) && self.divide();
-        }
-        false
-    }
-
-    /// Sets a load that has been checked.
-    pub fn load(&mut self, load: &Load) {
-        let on_disks = |k: usize| Vec3::splat(load.disk_forces[k]);
-        // divides modules, so before their weight
-        self.set_attached(load);
-        self.set_load(
-            |i| L::Chain::splat(load.tensions[i]),
-            Vec3::splat(load.gravity),
-            Vec3::splat(load.tip_force),
-            (!load.disk_forces.is_empty()).then_some(on_disks),
-        );
-        self.attached
-            .add_weights(&self.fixed.payloads, load.gravity);
-        self.add_forces(load.line_forces);
-    }
-
     /// Increases the compliance of all module ends by this fraction of their bending compliance, so
     /// that it can be inverted.
     pub fn add_compliance(&mut self, share: f64) {
         for c in &mut self.constants {
             c.d[0] += c.d[3] * L::Module::splat(share);
         }
-    }
-
-    /// Whether all loads have a potential.
-    pub fn has_potential(&self) -> bool {
-        self.attached.has_potential()
     }
 
     /// The shape without loads and tensions.

@@ -371,6 +371,23 @@ impl<T: Real, const A: usize> Constants<T, A> {
         (self.part(element - 1) + self.part(element)) * T::splat(0.5)
     }
 
+    /// Loads on the module (`State::f`) by a force per length on its backbone and a force on its end
+    /// disk. Hermite's rule: half of the force on an element at each end, and a couple.
+    #[inline(always)]
+    pub fn lumped(&self, line: Vec3<T>, force: Vec3<T>) -> [Vec3<T>; 4] {
+        let half = T::splat(0.5);
+        let (flexible, [start, end]) = (self.flexible, self.clamp);
+        let element = flexible * T::splat(2.0 / A as f64);
+        let [first, last] = [element * self.part(0), element * self.part(A / 2 - 1)];
+        let [at_start, at_end] = [first, last].map(|length| length * length / T::splat(12.0));
+        [
+            force + line * (last * half + end),
+            force * end + line * (end * end * half - at_end),
+            force * start + line * (start * (start * half + flexible + end) + at_start),
+            line * element,
+        ]
+    }
+
     /// Curvature and twist without load of an element, linear in the distance from the start of the
     /// flexible part: there (1/m), and their change by this distance (1/m^2).
     #[inline(always)]
@@ -447,6 +464,12 @@ impl<T: Real, const A: usize> Constants<T, A> {
             (g[i], g[i + 1]) = (pair[0], pair[1]);
         }
         g
+    }
+
+    /// Coupled section of the module.
+    #[inline(always)]
+    pub fn coupling(&self) -> Option<&Coupling<T>> {
+        self.coupled.get()
     }
 
     /// Moments of an element by the elastic rotation vectors of its arcs.

@@ -10,19 +10,13 @@
 
 use crate::math::lie::ArcMap;
 use crate::math::linalg::{Mat3, Vec3};
-use crate::math::real::{Maybe, Real};
+use crate::math::real::Real;
 use crate::rod::constants::Constants;
 use crate::rod::coupling::{Coupling, Sway};
-use crate::rod::module::{Gradient, Hessian, Response, State, Tendons};
+use crate::rod::state::State;
 
 /// Passes of a module whose arcs depend on its section.
 impl<T: Real, const A: usize> Constants<T, A> {
-    /// Coupled section of the module.
-    #[inline(always)]
-    pub fn coupling(&self) -> Option<&Coupling<T>> {
-        self.coupled.get()
-    }
-
     /// End point of an arc (m).
     #[inline(always)]
     pub fn arc_end(&self, map: &ArcMap<T>) -> Vec3<T> {
@@ -97,24 +91,6 @@ impl<T: Real, const A: usize> State<T, A> {
             Some(next) => &next.prefix,
             None => &self.s,
         }
-    }
-
-    /// Gradient of a section that may be coupled; see [`State::gradient`].
-    #[inline(never)]
-    pub fn coupled_gradient(&self, c: &Constants<T, A>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
-        self.gradient_of::<true>(c, t, out);
-    }
-
-    /// Second derivatives of a section that may be coupled; see [`State::hessian`].
-    #[inline(never)]
-    pub fn coupled_hessian<const CONDENSED: bool>(
-        &self,
-        c: &Constants<T, A>,
-        t: &Tendons<T>,
-        grad: &Gradient<T, A>,
-        out: &mut Hessian<T, A>,
-    ) -> Response<T, A> {
-        self.hessian_of::<CONDENSED, true>(c, t, grad, out)
     }
 
     /// Displacement of the end by a unit contact force, by shear and extension (m/N).

@@ -12,7 +12,8 @@ use crate::math::real::Real;
 use crate::rod::constants::{Constants, Stiffness, Taper};
 use crate::rod::continuous::PulledSection;
 use crate::rod::coupling::Coupling;
-use crate::rod::module::{Gradient, State, Tendons};
+use crate::rod::routes::Tendons;
+use crate::rod::state::{Gradient, State};
 
 /// Distance of the ends of a module, over its length, below which it counts as folded.
 const FOLDED: f64 = 0.8;

@@ -10,10 +10,12 @@
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::model::load::LEVELS;
-use crate::rod::chain::{get, get_mat, in_group, put, Rod};
+use crate::rod::chain::Rod;
 use crate::rod::constants::Constants;
 use crate::rod::defect::Weight;
-use crate::rod::module::Span;
+use crate::rod::groups::{get, get_mat, put};
+use crate::rod::routes::in_group;
+use crate::rod::span::Span;
 
 /// Estimated discretisation error of an equilibrium.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -4,9 +4,12 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{get, get_mat, in_group, nodes_of, put, Rod};
-use crate::rod::continuous::PulledModule;
-use crate::rod::module::Span;
+use crate::rod::between::nodes_of;
+use crate::rod::chain::Rod;
+use crate::rod::continuous_module::PulledModule;
+use crate::rod::groups::{get, get_mat, put};
+use crate::rod::routes::in_group;
+use crate::rod::span::Span;
 
 impl<L: Layout, const A: usize> Rod<L, A> {
     /// Forward pass: shapes, rotations (theory Eq. 2.3) and forces; returns the potential energy
@@ -17,6 +20,47 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             return self.evaluate_attached();
         }
         self.evaluate_module_loads()
+    }
+
+    /// `evaluate` with point loads: followers turn with their disks.
+    #[cold]
+    fn evaluate_attached(&mut self) -> L::Chain {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.evaluate_with_points(),
+        )
+    }
+
+    #[inline(always)]
+    fn evaluate_with_points(&mut self) -> L::Chain {
+        if self.attached.followed > 0 {
+            self.turn_disks();
+            self.dead.modules.clone_from(&self.attached.constant);
+            self.add_resultants(&[], |rod, k| {
+                let (rotation, mut on_disk) = (&rod.rotations[k + 1], Vec3::zero());
+                for load in rod.attached.on(k) {
+                    if load.follower {
+                        on_disk += *rotation * Vec3::splat(load.force);
+                    }
+                }
+                let mut between = Vec3::zero();
+                if Self::BETWEEN && rod.attached.has_between() {
+                    between = rod.force_between(k, true);
+                }
+                [on_disk, between]
+            });
+            if Self::BETWEEN && self.attached.has_between() {
+                self.set_forces_between(true);
+            }
+        }
+        let mut energy = self.evaluate_module_loads();
+        for k in 0..self.module_count() {
+            energy += self.attached.potential(k, &self.rotations[k + 1]);
+        }
+        if Self::BETWEEN && self.attached.has_between() {
+            energy += self.potential_between();
+        }
+        energy
     }
 
     /// Shapes and rotations of the disks.
@@ -81,11 +125,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
         }
         energy
-    }
-
-    /// Notes that forces act on disks other than the tip.
-    pub fn has_forces_on_disks(&mut self) {
-        self.dead.on_disks = true;
     }
 
     /// The second half of `evaluate`: forces, where only tensions of straight spans have changed.

@@ -4,7 +4,8 @@
 
 use crate::math::linalg::Mat3;
 use crate::math::real::Layout;
-use crate::rod::chain::{get_mat, Rod};
+use crate::rod::chain::Rod;
+use crate::rod::groups::get_mat;
 
 impl<L: Layout, const A: usize> Rod<L, A> {
     /// Visits the flexibility of every disk from base to tip: its rotation by a unit moment on it

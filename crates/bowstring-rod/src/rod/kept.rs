@@ -7,8 +7,9 @@
 
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{get, put, Rod};
+use crate::rod::chain::Rod;
 use crate::rod::gauss::{fraction, GAUSS};
+use crate::rod::groups::{get, put};
 
 impl<L: Layout, const A: usize> Rod<L, A> {
     /// Curvature and twist (1/m) at the Gauss points of equal elements, from base to tip.

@@ -4,26 +4,12 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{get, get_mat, in_group, nodes_of, put, Rod};
-use crate::rod::elimination::{Blocks, Eliminated};
-use crate::rod::module::{Hessian, Response};
-
-/// Data of a Newton step.
-#[derive(Clone)]
-pub struct Newton<L: Layout, const A: usize> {
-    pub hessians: Vec<Hessian<L::Module, A>>,
-    /// Responses of the ends of modules, from the last `linearise`.
-    pub responses: Vec<Response<L::Module, A>>,
-    /// Eliminated blocks, by modules.
-    pub eliminated: Vec<Eliminated<L::Chain, A, 1>>,
-    /// Whether the last elimination was that of a symmetric tangent.
-    pub symmetric: bool,
-    pub step: Vec<[Vec3<L::Module>; A]>,
-    /// Strain to return to.
-    pub saved: Vec<[Vec3<L::Module>; A]>,
-    /// Contact force to return to (N), as a start for the next balance.
-    pub saved_force: Vec<Vec3<L::Module>>,
-}
+use crate::rod::between::nodes_of;
+use crate::rod::chain::Rod;
+use crate::rod::elimination::Blocks;
+use crate::rod::groups::{get, get_mat, put};
+use crate::rod::routes::in_group;
+use crate::rod::state::Hessian;
 
 /// Predicted effect of the step.
 pub struct Step<T> {

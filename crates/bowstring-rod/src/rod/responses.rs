@@ -7,31 +7,10 @@ use crate::interrupt;
 use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{get, get_mat, nodes_of, put, Rod};
-use crate::rod::module::Span;
-
-/// Spans of the last `measure_spans`, and their responses.
-#[derive(Clone)]
-pub struct Spans<L: Layout, const A: usize> {
-    /// Spans by groups and tendons.
-    pub spans: Vec<Span<L::Module>>,
-    /// Lengths by modules and tendons (m); zero where the tendon does not pass.
-    pub lengths: Vec<f64>,
-    /// Angles of the tendons at the holes where spans begin, by modules and tendons (rad).
-    pub angles: Vec<f64>,
-    /// Responses to right-hand sides; see `respond`.
-    pub responses: Vec<SourceResponses<L, A>>,
-}
-
-/// Responses of the rod, side by side in the lanes that hold modules elsewhere.
-#[derive(Clone)]
-pub struct SourceResponses<L: Layout, const A: usize> {
-    /// By modules: rotation added by every arc, and force on the end.
-    pub u: Vec<[Vec3<L::Module>; A]>,
-    force: Vec<Vec3<L::Module>>,
-    /// By modules and tendons: length change of a tendon from the start of the module on.
-    beyond: Vec<L::Module>,
-}
+use crate::rod::between::nodes_of;
+use crate::rod::chain::{Rod, SourceResponses};
+use crate::rod::groups::{get, get_mat, put};
+use crate::rod::span::Span;
 
 /// Right-hand sides: a change of tension in one tendon each.
 #[derive(Clone, Copy)]

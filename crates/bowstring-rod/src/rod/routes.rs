@@ -64,6 +64,26 @@ impl<T: Real> Holes<T> {
     }
 }
 
+/// The tendons of the robot and their tensions in one module, zero where they do not pass, and the
+/// loads between its disks.
+#[derive(Clone, Copy)]
+pub struct Tendons<'a, T: Real> {
+    pub holes: &'a [Holes<T>],
+    pub tensions: &'a [T],
+    pub path: TendonPath,
+    /// Forces of loads between the disks on the nodes before the elements (N), in the frame of the
+    /// module's start; empty if there are none.
+    pub on_nodes: &'a [Vec3<T>],
+}
+
+impl<T: Real> Tendons<'_, T> {
+    /// Whether they are continuous, which lanes do not take.
+    #[inline(always)]
+    pub fn are_continuous(&self) -> bool {
+        T::PLAIN && self.path.is_continuous()
+    }
+}
+
 /// The tendons of a rod.
 #[derive(Clone)]
 pub struct Routes<M: Real> {
@@ -149,6 +169,23 @@ impl<M: Real> Routes<M> {
                 self.holes.push(holes);
             }
         }
+    }
+}
+
+/// The tendons in one group of modules.
+#[inline(always)]
+pub fn in_group<'a, M: Real>(
+    tendons: &'a Routes<M>,
+    tensions: &'a [M],
+    path: TendonPath,
+    group: usize,
+) -> Tendons<'a, M> {
+    let count = tendons.len();
+    Tendons {
+        holes: tendons.in_group(group),
+        tensions: &tensions[group * count..(group + 1) * count],
+        path,
+        on_nodes: &[],
     }
 }
 

@@ -11,8 +11,10 @@ use crate::interrupt;
 use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Scalar;
-use crate::rod::chain::{in_group, Rod};
-use crate::rod::module::{Response, Span};
+use crate::rod::chain::Rod;
+use crate::rod::routes::in_group;
+use crate::rod::span::Span;
+use crate::rod::state::Response;
 
 /// Derivatives with respect to one parameter.
 #[derive(Clone, Debug, PartialEq)]

@@ -13,9 +13,11 @@
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{in_group, Rod};
-use crate::rod::module::{Hessian, Span};
+use crate::rod::chain::Rod;
 use crate::rod::newton_step::blocks;
+use crate::rod::routes::in_group;
+use crate::rod::span::Span;
+use crate::rod::state::Hessian;
 
 /// Unit tensions as right-hand sides of the rod's tangent: one column for each unknown tension.
 #[derive(Clone)]

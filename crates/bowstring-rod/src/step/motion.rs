@@ -17,9 +17,11 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::Model;
 use crate::model::robot::Robot;
-use crate::rod::chain::{get, get_mat, in_group, Rod};
-use crate::rod::continuous::PulledModule;
-use crate::rod::module::State;
+use crate::rod::chain::Rod;
+use crate::rod::continuous_module::PulledModule;
+use crate::rod::groups::{get, get_mat};
+use crate::rod::routes::in_group;
+use crate::rod::state::State;
 
 /// A moving rod.
 pub struct Motion<L: Layout, const A: usize> {

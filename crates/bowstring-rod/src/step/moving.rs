@@ -12,7 +12,7 @@ use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::model::load::Load;
-use crate::rod::chain::put;
+use crate::rod::groups::put;
 use crate::rod::responses::Sources;
 use crate::rod::routed::RoutedRod;
 

@@ -6,11 +6,14 @@ use super::energy::Energies;
 use super::motion::Motion;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{get, get_mat, put, put_mat, Rod};
+use crate::rod::chain::Rod;
 use crate::rod::constants::Constants;
-use crate::rod::continuous::PulledModule;
+use crate::rod::continuous_module::PulledModule;
 use crate::rod::gauss::GAUSS;
-use crate::rod::module::{Span, State, Tendons};
+use crate::rod::groups::{get, get_mat, put, put_mat};
+use crate::rod::routes::Tendons;
+use crate::rod::span::Span;
+use crate::rod::state::State;
 
 /// Fields at successive times, flat arrays in SI units, in the base frame unless stated otherwise.
 #[derive(Clone, Debug, Default)]

@@ -11,7 +11,9 @@ use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{BaseMotion, TendonPath};
-use crate::rod::chain::{get, get_mat, in_group, put, Rod};
+use crate::rod::chain::Rod;
+use crate::rod::groups::{get, get_mat, put};
+use crate::rod::routes::in_group;
 
 /// Forces on the mass in the base frame, and the resulting forces in the modules.
 pub(super) struct Residual<L: Layout, const A: usize> {

@@ -11,8 +11,9 @@ use crate::math::linalg::{dot, Mat3, Vec3};
 use crate::math::mlcp::eliminate;
 use crate::math::real::{Layout, Real};
 use crate::rod::between::OnSection;
-use crate::rod::chain::{get, get_mat, lanes, put, Rod};
-use crate::rod::module::State;
+use crate::rod::chain::Rod;
+use crate::rod::groups::{get, get_mat, lanes, put};
+use crate::rod::state::State;
 
 /// Solutions for the present tangent.
 pub(super) struct Response<L: Layout, const A: usize> {

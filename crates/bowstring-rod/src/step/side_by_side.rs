@@ -15,9 +15,9 @@ use crate::math::copies;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real, MOST_LANES};
 use crate::model::load::{Load, TendonPath};
-use crate::rod::chain::in_group;
-use crate::rod::continuous::PulledModule;
-use crate::rod::module::Span;
+use crate::rod::continuous_module::PulledModule;
+use crate::rod::routes::in_group;
+use crate::rod::span::Span;
 
 /// One truth value of each lane.
 pub type Flags = [bool; MOST_LANES];

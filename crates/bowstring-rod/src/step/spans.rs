@@ -4,9 +4,11 @@
 
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{in_group, Rod};
-use crate::rod::continuous::PulledModule;
-use crate::rod::module::{Span, State};
+use crate::rod::chain::Rod;
+use crate::rod::continuous_module::PulledModule;
+use crate::rod::routes::in_group;
+use crate::rod::span::Span;
+use crate::rod::state::State;
 
 /// Length of a span, over that of its module, below which its disks have collided.
 pub(super) const CONTACT: f64 = 0.01;

@@ -6,7 +6,7 @@ use super::scheme::Scheme;
 use crate::math::copies;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
-use crate::rod::module::State;
+use crate::rod::state::State;
 
 /// Number of earlier steps that the predictor extrapolates.
 const HISTORY: usize = 4;

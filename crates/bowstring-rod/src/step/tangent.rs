@@ -12,10 +12,12 @@ use super::scheme::Scheme;
 use crate::math::copies;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
-use crate::rod::chain::{get, get_mat, in_group, Rod};
+use crate::rod::chain::Rod;
 use crate::rod::constants::Constants;
 use crate::rod::elimination::{negative_pivots, Blocks, Eliminated};
-use crate::rod::module::{Gradient, Hessian, State};
+use crate::rod::groups::{get, get_mat};
+use crate::rod::routes::in_group;
+use crate::rod::state::{Gradient, Hessian, State};
 
 /// Relative change of inertia or stiffness above which the tangent is recomputed.
 const TANGENT_CHANGE: f64 = 1e-3;

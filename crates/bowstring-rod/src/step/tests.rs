@@ -7,7 +7,7 @@ use crate::math::real::Scalar;
 use crate::model::load::{Load, Model};
 use crate::model::robot::{Profile, Robot, Section};
 use crate::parts;
-use crate::rod::chain::in_group;
+use crate::rod::routes::in_group;
 
 /// Clamps on a tapered backbone have the mass that weighs in statics.
 #[test]
