@@ -8,7 +8,7 @@ import numpy as np
 
 from bowstring.formatting import in_percent
 from bowstring.validity.control_commands import COMMANDS
-from bowstring.validity.workspace_figure import draw_bar, draw_cells, keep_open, places
+from bowstring.validity.drawn import draw_bar, draw_cells, keep_open, places
 from bowstring.viz.style import LIGHT, WIDTH, log_ticks
 
 if TYPE_CHECKING:

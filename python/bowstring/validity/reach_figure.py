@@ -8,7 +8,7 @@ import numpy as np
 
 from bowstring.aliases import Floats
 from bowstring.formatting import in_percent
-from bowstring.validity.workspace_figure import extent
+from bowstring.validity.drawn import extent
 from bowstring.viz.style import LIGHT, WIDTH, log_ticks
 
 if TYPE_CHECKING:
