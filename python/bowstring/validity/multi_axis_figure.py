@@ -8,17 +8,10 @@ import numpy as np
 
 from bowstring.aliases import Floats, Ints
 from bowstring.formatting import in_percent, significant
-from bowstring.validity.axes import Axis
+from bowstring.validity.axes import Axis, in_words
 from bowstring.validity.errors import INPUTS
-from bowstring.validity.figures import (
-    CAUSES,
-    SHADE,
-    draw_region,
-    handles_of,
-    in_words,
-    title_of,
-)
-from bowstring.validity.maps import STATES
+from bowstring.validity.figures import CAUSES, SHADE, title_of
+from bowstring.validity.map_result import STATES, draw_region, handles_of
 from bowstring.viz.style import LIGHT
 
 if TYPE_CHECKING:
@@ -27,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    from bowstring.validity.maps import ValidityMap
+    from bowstring.validity.map_result import ValidityMap
     from bowstring.validity.multi_axis_maps import ValidityGrid
 
 _WIDTH: Final = 7.4  # inches: three slices beside each other

@@ -27,8 +27,9 @@ from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
 from bowstring.validity.map_job import Points, map_job
+from bowstring.validity.map_result import ValidityMap
 from bowstring.validity.map_settings import MapSettings, Metric
-from bowstring.validity.maps import ValidityMap, compute_map
+from bowstring.validity.maps import compute_map
 from bowstring.validity.sentences import (
     in_causes,
     limits_in_words,

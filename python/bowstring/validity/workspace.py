@@ -29,7 +29,8 @@ from bowstring.validity.effects import EFFECTS, Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
 from bowstring.validity.figures import CAUSES, SHADE
 from bowstring.validity.limit_search import gave_up
-from bowstring.validity.maps import APART, STATES
+from bowstring.validity.map_result import STATES
+from bowstring.validity.maps import APART
 from bowstring.validity.sentences import in_causes, in_not_examined, undefined_in_words
 from bowstring.viz.style import LIGHT, subplots
 
