@@ -165,6 +165,12 @@ class Axis:
         found = {tree[path] for path in full_paths(robot, self.path)}
         return float(found.pop()) if len(found) == 1 else None
 
+    def own_value_inside(self, robot: Robot) -> float | None:
+        """The robot's own value in SI where it is on the axis."""
+        own = self.own_value(robot)
+        inside = own is not None and self.values.min() <= own <= self.values.max()
+        return own if inside else None
+
 
 def read_axis(text: str, robot: Robot) -> Axis:
     """Read an axis such as ``"segments.*.backbone.E=20:50 GPa:21"``.

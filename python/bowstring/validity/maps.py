@@ -251,10 +251,8 @@ def _own_ramp(space: DesignSpace) -> tuple[int | None, dict[int, float]]:
         return None, {}
     other = 1 - ramps[0]
     axis = space.axes[other]
-    own = axis.own_value(space.robot)
-    if own is None or not axis.values.min() <= own <= axis.values.max():
-        return None, {}
-    return ramps[0], {other: own}
+    own = axis.own_value_inside(space.robot)
+    return (None, {}) if own is None else (ramps[0], {other: own})
 
 
 def _on_one_axis(
