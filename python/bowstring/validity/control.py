@@ -35,7 +35,7 @@ from bowstring.validity.control_commands import (
 )
 from bowstring.validity.dead_loads import gravity_of
 from bowstring.validity.drawn import Drawn, draw_bar, draw_cells, keep_open, places
-from bowstring.viz.style import LIGHT, WIDTH, log_ticks
+from bowstring.viz.style import LIGHT, WIDTH, log_ticks, title_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -512,11 +512,8 @@ def _draw(found: ControlErrors) -> Figure:
         parts[1, 0].legend(
             *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2
         )
-    figure.suptitle(
-        f"{found.robot.name}: where commands of constant curvature lead (simulated)",
-        fontsize=9.5,
-        x=0.01,
-        ha="left",
+    title_above(
+        figure, f"{found.robot.name}: where commands of constant curvature lead (simulated)"
     )
     return figure
 

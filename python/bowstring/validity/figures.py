@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from bowstring.aliases import Bools, Floats
 from bowstring.formatting import significant
 from bowstring.validity.axes import Axis, in_words
+from bowstring.validity.effects import EFFECTS
 from bowstring.validity.map_settings import Metric
 from bowstring.viz.style import LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.contour import ContourSet
+    from matplotlib.patches import Patch
 
 CAUSES: Final = {
     "straight_spans": "blue",
@@ -28,8 +30,26 @@ CAUSES: Final = {
     "friction": "yellow",
     "tendon_stretch": "blue",  # by displacement, where straight spans have no entry
 }
-SHADE: Final = 0.35
+_SHADE: Final = 0.35  # opacity of the colours of areas
 _LABEL: Final = 0.05  # least distance of labels along x over the width
+
+
+def colours_of_causes() -> dict[str, Any]:
+    """Colours of areas by `CAUSES`, the last one by "": of no main cause."""
+    from matplotlib.colors import to_rgba
+
+    shades = {key: to_rgba(LIGHT[colour], _SHADE) for key, colour in CAUSES.items()}
+    return {**shades, "": LIGHT["grid"]}
+
+
+def handles_of_causes(present: set[str], examined: bool) -> list[Patch]:
+    """Entries of the legend of the causes present, "" for none; `examined` are all of them."""
+    from matplotlib.patches import Patch
+
+    labels = {key: f"mainly {EFFECTS[key].label}" for key in CAUSES}
+    labels[""] = "no single main cause" if examined else "no main cause found"
+    colours = colours_of_causes()
+    return [Patch(fc=colours[key], label=labels[key]) for key in labels if key in present]
 
 
 def title_of(

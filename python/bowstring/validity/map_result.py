@@ -19,9 +19,15 @@ from bowstring.robot.model import Robot
 from bowstring.validity.axes import Axis, in_ranges
 from bowstring.validity.causes import coarse_step
 from bowstring.validity.contour import Line
-from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import INPUTS, LABELS
-from bowstring.validity.figures import CAUSES, SHADE, apart, hatch_region, shade, title_of
+from bowstring.validity.figures import (
+    apart,
+    colours_of_causes,
+    handles_of_causes,
+    hatch_region,
+    shade,
+    title_of,
+)
 from bowstring.validity.map_settings import METRICS, MapSettings, Metric
 from bowstring.viz.style import (
     LIGHT,
@@ -29,6 +35,7 @@ from bowstring.viz.style import (
     check_figure_file,
     legend_above,
     subplots,
+    title_above,
     write_figure,
 )
 
@@ -396,7 +403,7 @@ def _curves(found: ValidityMap) -> Figure:
     panel.set_xlim(x.min(), x.max())
     panel.set_xlabel(found.label(0))
     legend_above(panel, 1)
-    figure.suptitle(_title(found), fontsize=9.5, x=0.01, ha="left")
+    title_above(figure, _title(found))
     return figure
 
 
@@ -434,7 +441,7 @@ def _regions(found: ValidityMap) -> Figure:
     handles = handles_of(found, present)
     if handles:
         figure.legend(handles=handles, loc="outside lower left", ncols=1)
-    figure.suptitle(_title(found), fontsize=9.5, x=0.01, ha="left")
+    title_above(figure, _title(found))
     return figure
 
 
@@ -445,7 +452,6 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
 
     handles: list[Line2D | Patch] = []
     white: Any = {"fc": "white", "ec": LIGHT["muted"]}
-    space = found.settings.space
     if found.metric != "valid_to":
         tolerance = in_percent(found.tolerance)
         line = Line2D([], [], color=LIGHT["ink"], lw=2.0, label=f"error {tolerance} of length")
@@ -459,13 +465,7 @@ def handles_of(found: ValidityMap, present: set[str]) -> list[Line2D | Patch]:
         look: Any = {"fc": LIGHT["grid"], "ec": LIGHT["muted"], "hatch": _UNDEFINED, "lw": 0.0}
         label = STATES[4] + (" beyond its limit" if found.metric == "valid_to" else "")
         handles.append(Patch(**look, label=label))
-    for key, colour in CAUSES.items():
-        if key in present:
-            label = f"mainly {EFFECTS[key].label}"
-            handles.append(Patch(fc=LIGHT[colour], alpha=SHADE, label=label))
-    if "" in present:
-        words = "no main cause found" if space.not_examined else "no single main cause"
-        handles.append(Patch(fc=LIGHT["grid"], label=words))
+    handles += handles_of_causes(present, not found.settings.space.not_examined)
     for states, hatch in _HATCHES:
         if label := _states_label(found, states):
             handles.append(Patch(fc="none", ec=LIGHT["muted"], hatch=hatch, lw=0.0, label=label))
@@ -504,8 +504,6 @@ def _limits(panel: Axes, found: ValidityMap, name: str) -> set[str]:
 
 def _errors(panel: Axes, found: ValidityMap, name: str) -> set[str]:
     """Draw the error of one model; return the keys of the causes in its figure."""
-    from matplotlib.colors import to_rgba
-
     fine = np.ma.masked_invalid(found.fine[name])
     x, y = (values / axis.factor for values, axis in zip(found.fine_axes, found.axes, strict=True))
     cause = _nearest(found, name, x, y)
@@ -527,10 +525,10 @@ def _errors(panel: Axes, found: ValidityMap, name: str) -> set[str]:
         # up to the line at the tolerance, which runs between the points
         top = max(float(fine.max()), 1.01 * found.tolerance)
         above = panel.contourf(x, y, fine, levels=[found.tolerance, top], colors="none")
+        colours = colours_of_causes()
         for key in sorted(present - {_NO_ARC}):  # a fixed order, for the same file in every run
-            colour = to_rgba(LIGHT[CAUSES[key]], SHADE) if key else LIGHT["grid"]
             here = np.where(cause == key, 1.0, 0.0)
-            part = panel.contourf(x, y, here, levels=[0.5, 1.5], colors=[colour])
+            part = panel.contourf(x, y, here, levels=[0.5, 1.5], colors=[colours[key]])
             part.set_clip_path(above.get_paths()[0], panel.transData)
     levels = [v for v in _LEVELS if v != found.tolerance and fine.min() < v]
     if fine.count() > 3 and levels:

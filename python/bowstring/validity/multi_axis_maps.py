@@ -25,7 +25,7 @@ from bowstring.validity.axes import Axis, in_words
 from bowstring.validity.causes import causes_of, coarse_step, coarser
 from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import INPUTS, LABELS
-from bowstring.validity.figures import CAUSES, SHADE, title_of
+from bowstring.validity.figures import colours_of_causes, title_of
 from bowstring.validity.loading import Loading
 from bowstring.validity.map_job import Points, map_job
 from bowstring.validity.map_result import STATES, ValidityMap, draw_region, handles_of
@@ -42,7 +42,7 @@ from bowstring.validity.sentences import (
     undefined_in_words,
     unsolved_in_words,
 )
-from bowstring.viz.style import LIGHT, MARKS, check_figure_file, write_figure
+from bowstring.viz.style import LIGHT, MARKS, check_figure_file, title_above, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -504,7 +504,7 @@ def _draw(found: ValidityGrid) -> Figure:
     )
     robot, top = found.space.robot.name, found.space.max_tension
     title = title_of(robot, found.metric, top)
-    figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
+    title_above(figure, title)
     return figure
 
 
@@ -569,7 +569,6 @@ def _rest(found: ValidityGrid, axis: Axis) -> float:
 
 def _kinds(found: ValidityGrid, name: str) -> Kinds:
     from matplotlib import colormaps
-    from matplotlib.colors import to_rgba
 
     value = found.value[name]
     if found.metric == "valid_to":
@@ -579,9 +578,8 @@ def _kinds(found: ValidityGrid, name: str) -> Kinds:
         colours: list[Any] = [tuple(map(float, shade)) for shade in shades]
         causes: list[str] = []
     else:
-        causes = [*CAUSES, ""]
-        colours = [to_rgba(LIGHT[colour], SHADE) for colour in CAUSES.values()]
-        colours.append(LIGHT["grid"])
+        by_cause = colours_of_causes()
+        causes, colours = list(by_cause), list(by_cause.values())
         few = found.cause[name].shape
         nearest = [
             np.minimum(np.round(np.arange(many) / found.step).astype(int), count - 1)

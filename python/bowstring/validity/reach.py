@@ -23,7 +23,7 @@ from bowstring.validation import floats, row, share_of_length, whole
 from bowstring.validity.control_commands import drawn_tensions, no_pose, prepared, sobol_points
 from bowstring.validity.dead_loads import gravity_of
 from bowstring.validity.drawn import Drawn, extent
-from bowstring.viz.style import LIGHT, WIDTH, log_ticks
+from bowstring.viz.style import LIGHT, WIDTH, log_ticks, title_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -416,12 +416,7 @@ def _draw(found: Reach) -> Figure:
     for panel in grid.ravel():
         panel.set_aspect("equal", adjustable="box")
         panel.margins(0.06)
-    figure.suptitle(
-        f"{found.robot.name}: reach and what it can do there (simulated)",
-        fontsize=9.5,
-        x=0.01,
-        ha="left",
-    )
+    title_above(figure, f"{found.robot.name}: reach and what it can do there (simulated)")
     return figure
 
 

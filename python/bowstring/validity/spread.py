@@ -39,7 +39,7 @@ from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
 from bowstring.validity.loading import Loading
 from bowstring.validity.map_settings import end_of_ramp
-from bowstring.viz.style import LIGHT, legend_above, subplots
+from bowstring.viz.style import LIGHT, legend_above, subplots, title_above
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -612,5 +612,5 @@ def _draw(found: Spread) -> Figure:
     below.set_xlim(left=0.0)
     legend_above(below, 2)
     title = f"{found.robot.name}: constant curvature {LABELS[found.name]} (simulated)"
-    figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
+    title_above(figure, title)
     return figure

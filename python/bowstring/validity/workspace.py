@@ -25,14 +25,14 @@ from bowstring.validity.causes import main_cause
 from bowstring.validity.control_commands import drawn_tensions, prepared, sobol_points
 from bowstring.validity.design_space import COUPLED
 from bowstring.validity.drawn import CELLS, Drawn, draw_bar, draw_cells, extent, keep_open, places
-from bowstring.validity.effects import EFFECTS, Rods, acting, without
+from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
-from bowstring.validity.figures import CAUSES, SHADE
+from bowstring.validity.figures import CAUSES, colours_of_causes, handles_of_causes
 from bowstring.validity.limit_search import gave_up
 from bowstring.validity.map_result import STATES
 from bowstring.validity.maps import APART
 from bowstring.validity.sentences import in_causes, in_not_examined, undefined_in_words
-from bowstring.viz.style import LIGHT, subplots
+from bowstring.viz.style import LIGHT, subplots, title_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -373,7 +373,7 @@ def _draw(found: WorkspaceMap) -> Figure:
         if where.any()
     )
     title = f"{found.robot.name}: workspace to {found.largest_tensions} (simulated){more}"
-    figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
+    title_above(figure, title)
     return figure
 
 
@@ -393,7 +393,7 @@ def _errors(figure: Figure, panel: Axes, found: WorkspaceMap, name: str) -> None
 
 def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
     """Draw the cause of the largest error in each hexagon; return the keys of those drawn."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap, to_rgba
+    from matplotlib.colors import BoundaryNorm, ListedColormap
 
     error = found.error[name]
     if found.solved.any() and (error[found.solved] <= found.tolerance * found.robot.length).all():
@@ -418,10 +418,7 @@ def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
         at = np.asarray(members, dtype=int)
         return float(kind[at[np.argmax(worst[at])]])
 
-    shades = [to_rgba(LIGHT[colour], SHADE) for colour in CAUSES.values()]
-    colours = ListedColormap(
-        [to_rgba("white"), *shades, to_rgba(LIGHT["grid"]), to_rgba(LIGHT["muted"])]
-    )
+    colours = ListedColormap(["white", *colours_of_causes().values(), LIGHT["muted"]])
     cells = panel.hexbin(
         along[rows],
         up[rows],
@@ -458,14 +455,7 @@ def _handles(found: WorkspaceMap, present: set[str]) -> list[Line2D | Patch]:
     if _HOLDS in present:
         label = f"holds to {in_percent(found.tolerance)}"
         handles.append(Patch(fc="white", ec=LIGHT["muted"], label=label))
-    for key, colour in CAUSES.items():
-        if key in present:
-            handles.append(
-                Patch(fc=LIGHT[colour], alpha=SHADE, label=f"mainly {EFFECTS[key].label}")
-            )
-    if "" in present:
-        words = "no main cause found" if found.robot.is_coupled else "no single main cause"
-        handles.append(Patch(fc=LIGHT["grid"], label=words))
+    handles += handles_of_causes(present, not found.robot.is_coupled)
     if _NO_ARC in present:
         handles.append(Line2D([], [], **_CROSS, label=f"pose: {STATES[4]}"))
         handles.append(Patch(fc=LIGHT["muted"], label=STATES[4]))
