@@ -19,14 +19,15 @@ from numpy.typing import NDArray
 
 import bowstring as bs
 from bowstring.study.comparison import FROM_FORCE, poses_by_arcs
-from bowstring.validity.chart import Limit, validity_chart
-from bowstring.validity.chart_errors import MODELS, TABLE, monomials
-from bowstring.validity.chart_figure import (
+from bowstring.validity.chart import (
+    Limit,
     force_limit,
     force_reading,
     lengths_limit,
     lengths_reading,
+    validity_chart,
 )
+from bowstring.validity.chart_errors import MODELS, TABLE, monomials
 from bowstring.validity.chart_groups import RANGES, Groups
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from bowstring.study.comparison import Model
 from bowstring.study.load_map import caption_of_loads, check_load_axis, load_map, load_text
 from bowstring.study.study import Study
 from bowstring.validity.loading import Loading
-from bowstring.validity.maps import ValidityMap
+from bowstring.validity.map_result import ValidityMap
 from stages import Stages
 
 ROBOT = bs.load_robot("amouri2019")

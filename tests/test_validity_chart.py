@@ -21,8 +21,8 @@ from campaign.validity_chart import (
 import bowstring as bs
 from bowstring.errors import InputError
 from bowstring.study.comparison import CORRECTED
+from bowstring.validity.chart import force_limit, lengths_limit
 from bowstring.validity.chart_errors import MODELS, chart_errors, largest_bend
-from bowstring.validity.chart_figure import force_limit, lengths_limit
 from bowstring.validity.chart_groups import Groups
 from bowstring.viz.style import figure_style
 

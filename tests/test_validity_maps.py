@@ -32,7 +32,8 @@ from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, Ramps, displacement_per_bend
 from bowstring.validity.loading import Loading
 from bowstring.validity.map_job import map_job
-from bowstring.validity.maps import STATES, validity_map
+from bowstring.validity.map_result import STATES
+from bowstring.validity.maps import validity_map
 from bowstring.validity.multi_axis_maps import compute_grid
 from bowstring.validity.sentences import described
 from objects import legend_of

@@ -18,8 +18,7 @@ from bowstring.validity import multi_axis_maps
 from bowstring.validity.loading import Loading
 from bowstring.validity.map_job import map_job
 from bowstring.validity.maps import validity_map
-from bowstring.validity.multi_axis_figure import _kinds
-from bowstring.validity.multi_axis_maps import ValidityGrid, read_grid, validity_grid
+from bowstring.validity.multi_axis_maps import ValidityGrid, _kinds, read_grid, validity_grid
 
 ROBOT = bs.load_robot("amouri2019")
 FORCE = "cc_from_force"

@@ -96,7 +96,7 @@ def test_other_figures_are_saved(tmp_path: Path) -> None:
 def test_results_are_printed_without_their_figure(
     shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bowstring.validity.figures.draw", fails)
+    monkeypatch.setattr("bowstring.validity.map_result._curves", fails)
     with pytest.warns(FigureWarning, match="the figure is left out"):
         found = shell.json("map", "amouri2019", "--over", "E=30 GPa:40 GPa:2", "--points", "2")
     assert found["file"] is None and found["text"]

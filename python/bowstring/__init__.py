@@ -84,7 +84,8 @@ if TYPE_CHECKING:
     from bowstring.validity.chart import ValidityChart, validity_chart
     from bowstring.validity.control import ControlErrors, control_errors
     from bowstring.validity.loading import Loading
-    from bowstring.validity.maps import ValidityMap, validity_map
+    from bowstring.validity.map_result import ValidityMap
+    from bowstring.validity.maps import validity_map
     from bowstring.validity.multi_axis_maps import ValidityGrid, validity_grid
     from bowstring.validity.reach import Reach, reach
     from bowstring.validity.spread import Spread, validity_spread
@@ -223,7 +224,8 @@ _HOME = {
         "validity.control": "ControlErrors control_errors",
         "validity.multi_axis_maps": "ValidityGrid validity_grid",
         "validity.loading": "Loading",
-        "validity.maps": "ValidityMap validity_map",
+        "validity.map_result": "ValidityMap",
+        "validity.maps": "validity_map",
         "validity.reach": "Reach reach",
         "validity.spread": "Spread validity_spread",
         "validity.workspace": "WorkspaceMap workspace_map",

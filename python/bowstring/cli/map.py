@@ -96,8 +96,9 @@ def map_(
     Outside the line at the tolerance, colours tell the effect that makes most of the error.
     """
     from bowstring.validity.map_job import map_job
+    from bowstring.validity.map_result import check_map_file
     from bowstring.validity.map_settings import reach_of_ramp, read_axes, space_of
-    from bowstring.validity.maps import MOST_SOLVES, check_map_file, validity_map
+    from bowstring.validity.maps import MOST_SOLVES, validity_map
     from bowstring.validity.sentences import described
 
     made = provenance_of(

@@ -13,8 +13,9 @@ from bowstring.robot.paths import find
 from bowstring.statics.model import RodModel
 from bowstring.validity.axes import Axis
 from bowstring.validity.design_space import DesignSpace
+from bowstring.validity.map_result import ValidityMap
 from bowstring.validity.map_settings import MapSettings
-from bowstring.validity.maps import ValidityMap, compute_map
+from bowstring.validity.maps import compute_map
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot

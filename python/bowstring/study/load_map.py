@@ -18,8 +18,9 @@ from bowstring.validity.contour import runs
 from bowstring.validity.dead_loads import check_dead_loads
 from bowstring.validity.design_space import DesignSpace
 from bowstring.validity.errors import LABELS
+from bowstring.validity.map_result import ValidityMap
 from bowstring.validity.map_settings import MapSettings
-from bowstring.validity.maps import ValidityMap, compute_map
+from bowstring.validity.maps import compute_map
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot

@@ -41,7 +41,7 @@ from bowstring.study.settings import Settings
 from bowstring.study.shape_models import ShapeModels
 from bowstring.study.sweeps import GeometricSweep, Statics
 from bowstring.study.verdict import Verdict
-from bowstring.validity.maps import ValidityMap
+from bowstring.validity.map_result import ValidityMap
 from bowstring.validity.spread import Spread
 
 if TYPE_CHECKING:

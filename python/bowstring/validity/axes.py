@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ import numpy as np
 
 from bowstring.aliases import Floats
 from bowstring.errors import InputError
+from bowstring.formatting import listed, significant
 from bowstring.robot.fields import quantity_of
 from bowstring.robot.messages import units_of_field
 from bowstring.robot.model import Robot
@@ -47,6 +49,9 @@ _COUNT: Final = "count"
 _WHOLE: Final = ("tip_force", "payload", "tilt", "tilt_towards")  # loads without components
 _ANGLES: Final = ("bend", "tilt", "tilt_towards")
 _FAR: Final = 100.0  # ratio of a range to the robot's own value that suggests another unit
+_MOST_RANGES: Final = 4  # in a sentence
+_DIGITS: Final = 3
+_FINE: Final = 0.01  # range of an axis over its numbers below which they have more digits
 _LABELS: Final = {
     "E": "Young's modulus",
     "G": "shear modulus",
@@ -159,6 +164,12 @@ class Axis:
         tree = dict(numbers_of(robot))
         found = {tree[path] for path in full_paths(robot, self.path)}
         return float(found.pop()) if len(found) == 1 else None
+
+    def own_value_inside(self, robot: Robot) -> float | None:
+        """The robot's own value in SI where it is on the axis."""
+        own = self.own_value(robot)
+        inside = own is not None and self.values.min() <= own <= self.values.max()
+        return own if inside else None
 
 
 def read_axis(text: str, robot: Robot) -> Axis:
@@ -324,3 +335,42 @@ def _place(path: str, robot: Robot) -> tuple[str, tuple[str, ...]]:
             "map for each, with --set"
         )
     return name, targets
+
+
+def in_words(axis: Axis, value: float) -> str:
+    """A value of an axis, such as ``tip force along x 0.5 N``."""
+    unit = f" {axis.units[1]}" if axis.units[1] else ""
+    return f"{axis.words} {significant(value / axis.factor)}{unit}"
+
+
+def in_ranges(axis: Axis, ranges: Floats) -> str:
+    """Ranges (n, 2) of an axis, such as ``from 0 to 56.1 N`` or ``from 4 disks on``."""
+    unit = f" {axis.units[1]}" if axis.units[1] else ""
+    values = np.sort(axis.values)
+    if axis.is_whole:
+        parts = [_of_disks(int(low), int(high), values) for low, high in ranges]
+    else:
+        parts = []
+        for low, high in ranges / axis.factor:
+            first, last = (_text(end, axis) for end in (low, high))
+            parts.append(f"at {first}{unit}" if low == high else f"from {first} to {last}{unit}")
+    if len(parts) > _MOST_RANGES:
+        return f"{', '.join(parts[:_MOST_RANGES])} and in {len(parts) - _MOST_RANGES} more ranges"
+    return listed(parts)
+
+
+def _of_disks(low: int, high: int, values: Floats) -> str:
+    if low == high:
+        return f"at {low} disks"
+    if high == values[-1]:
+        return f"from {low} disks on"
+    return f"up to {high} disks" if low == values[0] else f"from {low} to {high} disks"
+
+
+def _text(value: float, axis: Axis) -> str:
+    """A value of an axis in its usual unit, with more digits where the axis is short."""
+    span = abs(axis.stop - axis.start) / axis.factor
+    if abs(value) < 1e-6 * span:
+        return "0"
+    more = math.log10(max(1.0, _FINE * abs(value) / span))
+    return significant(value, _DIGITS + math.ceil(more))

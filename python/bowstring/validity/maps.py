@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
+from dataclasses import fields, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.aliases import Bools, Floats, Ints, Progress
-from bowstring.display import short_repr
+from bowstring.aliases import Bools, Floats, Progress
 from bowstring.errors import InputError
-from bowstring.files.atomic_io import check_file, write_whole_file
-from bowstring.results import Key, Result
 from bowstring.robot.laws import LAWS
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
@@ -23,308 +19,18 @@ from bowstring.validity.axes import RAMPS, Axis
 from bowstring.validity.causes import causes_of, coarser
 from bowstring.validity.contour import Line, Refined, contours, crossings, halved, holding
 from bowstring.validity.design_space import DesignSpace, RampErrors
-from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import Loading
-from bowstring.validity.map_settings import METRICS, MapSettings, Metric, read_axes, space_of
-from bowstring.viz.style import MARKS, check_figure_file, write_figure
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
-
-State = Literal[
-    "solved",
-    "two equilibria",
-    "no stable equilibrium",
-    "a tendon is slack",
-    "constant curvature not defined",
-    "not solved",
-]
-STATES: Final[tuple[State, ...]] = get_args(State)
-"""States of a point: solved; another stable equilibrium exists at the end of the ramp, so that the
-robot may snap through; some load of the ramp has no stable equilibrium; a tendon under displacement
-control is slack at the end of the ramp; some model has no arc, so that its error is not defined;
-the solver gave up at some load, which may have an equilibrium or not.
-
-A ramp that is not solved to its end has no error. For ``valid_to`` it counts as solved if the
-tolerance of each model is exceeded before."""
-UNSOLVED: Final = (2, 5)
-"""Indices in `STATES` of points that are not solved."""
+from bowstring.validity.map_result import ValidityMap
+from bowstring.validity.map_settings import MapSettings, Metric, read_axes, space_of
 
 MOST_SOLVES: Final = 100_000_000
 """Most equilibria of one map in memory."""
-
 APART: Final = 1e-3
 """Least distance of the tips of two equilibria over the length."""
-
-
-@dataclass(frozen=True)
-class MapOfModel(Result):
-    """Map of one model of constant curvature."""
-
-    name: Annotated[str, Key()]
-    """Model, as ``--models`` takes it; ``cc_from_force_calibrated`` has the bending stiffness that
-    fits best."""
-    values: Annotated[Floats, Key()]
-    """Metric, (Y, X) or (X,), in percent of the length (``valid_to``: N), rows by the second axis;
-    NaN without a value."""
-    contour: Annotated[list[Line], Key(unit="`unit`")]
-    """Lines (n, k) on which the metric has the tolerance, with a coordinate for each of the k axes;
-    of one axis each line is a point."""
-    ranges: Annotated[Floats, Key(unit="`unit`")]
-    """Ranges (n, 2) in which the tolerance holds: of a single axis, or of the tension or bend for
-    the robot as it is; empty for others."""
-    causes: Annotated[NDArray[np.str_], Key()]
-    """Effect with more than half of the metric at the points of `cause_points`, (Y, X) or (X,); or
-    empty."""
-    defined: Annotated[Bools, Key()]
-    """Whether the model has an error at all loads that the metric covers, as `values`, (Y, X) or
-    (X,): an equilibrium and an arc."""
-
-
-@short_repr
-@dataclass(frozen=True)
-class ValidityMap(Result):
-    """Validity of constant curvature over one or two axes; made by `validity_map`."""
-
-    settings: Annotated[MapSettings, Key(flat=True)]
-    """Space, models, metric and tolerance."""
-    value: dict[str, Floats]
-    """Metric by model, (Y, X) or (X,); NaN without a value."""
-    contour: dict[str, list[Line]]
-    """Lines (n, 2) on which the metric has the tolerance, by model, SI; points (n, 1) of one
-    axis."""
-    ranges: dict[str, Floats]
-    """Ranges (n, 2) of the axis `along` in which the tolerance holds, by model, SI: those of one
-    axis; of two axes, those of the tension or bend for the robot as it is. Empty without."""
-    along: int | None
-    """Index of the axis of `ranges`; None without."""
-    fine_axes: tuple[Floats, ...]
-    """Values of the axes on the refined grid (U,), (V,), SI; empty of one axis of whole numbers and
-    of `valid_to`."""
-    fine: dict[str, Floats]
-    """Metric by model on the refined grid (V, U): computed near the lines, interpolated elsewhere;
-    of one axis (U,), computed. Empty as `fine_axes`."""
-    cause: dict[str, NDArray[np.str_]]
-    """Effect with more than half of the error, by model, at the points of `cause_points`; empty
-    text where none has."""
-    cause_points: Annotated[tuple[Floats, ...], Key(unit="`unit`")]
-    """Values of each axis at the points of the causes, (Y, X) or (X,), SI."""
-    state: Ints
-    """Index in `STATES`, (Y, X) or (X,)."""
-    undefined: dict[str, Bools]
-    """Where a model has no arc at some load that the metric covers, (Y, X) or (X,)."""
-    solved: dict[str, Bools]
-    """Where all loads that the metric of a model covers are solved, (Y, X) or (X,)."""
-    solved_to: Annotated[Floats, Key()]
-    """Tension (N) or bend (rad) up to which the ramp of each point is solved, (Y, X) or (X,); NaN
-    where its first load is not."""
-    statics_error: Annotated[float, Key("statics_error_percent")]
-    """Largest estimated error of the tips by statics, as a share of the length; NaN without any."""
-    notes: tuple[str, ...] = ()
-    """Sentences on the choice of the axes."""
-
-    @property
-    def robot(self) -> Robot:
-        """Robot of all numbers that no axis changes."""
-        return self.settings.space.robot
-
-    @property
-    def axes(self) -> tuple[Axis, ...]:
-        """One or two axes, the first along x."""
-        return self.settings.space.axes
-
-    @property
-    def fixed(self) -> tuple[tuple[Axis, float], ...]:
-        """Fixed axes of a slice and their values, SI."""
-        return self.settings.space.fixed
-
-    @property
-    def tolerance(self) -> float:
-        """Tolerated tip error as a share of the length."""
-        return self.settings.tolerance
-
-    @property
-    def metric(self) -> Metric:
-        """Metric of `value`, one of `bowstring.validity.map_settings.METRICS`."""
-        return self.settings.metric
-
-    @property
-    def max_tension(self) -> float:
-        """End of the ramp of tension where no axis is the tension, N; NaN with an axis bend."""
-        return self.settings.space.max_tension
-
-    @property
-    def shares(self) -> tuple[float, ...]:
-        """Share (T,) of the ramp's tension in each tendon."""
-        return tuple(float(share) for share in self.settings.space.shares)
-
-    @property
-    def by_displacement(self) -> bool:
-        """Whether motors command bends, so that there is no sweep of tension."""
-        return self.settings.space.by_displacement
-
-    @property
-    def unsolved(self) -> Bools:
-        """Points with a load without equilibrium that the metric covers, (Y, X) or (X,)."""
-        return np.isin(self.state, UNSOLVED)
-
-    @property
-    def defined(self) -> dict[str, Bools]:
-        """Where each model has an error at all loads that its metric covers, (Y, X) or (X,)."""
-        return {name: self.solved[name] & ~self.undefined[name] for name in self.value}
-
-    def label(self, axis: int) -> str:
-        """Label of an axis with its unit; that of the tension names the tendon."""
-        return self.settings.label(axis)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Points of the axes, the last axis first."""
-        return self.state.shape
-
-    def to_dataset(self) -> xr.Dataset:
-        """Values, causes and states with labels and units, along the axes.
-
-        Returns
-        -------
-        xarray.Dataset
-            Variables for each model: its metric, with its name; ``NAME_defined``, 1 where all loads
-            that the metric covers have an equilibrium and an arc; and ``NAME_cause``, on axes of
-            their own, which may have fewer points. Also ``state`` and ``solved_to``, the tension or
-            bend up to which each sweep is solved. The attributes have the metric, the tolerance,
-            the load and the sweep.
-        """
-        import xarray as xr
-
-        dims = [f"axis_{i}" for i in range(len(self.axes), 0, -1)]
-
-        def along(axis: Axis, name: str, values: Floats) -> dict[str, Any]:
-            about = {"units": axis.units[0] or "1", "long_name": axis.path}
-            return {name: ([name], values, about)}
-
-        coords: dict[str, Any] = {}
-        for i, axis in enumerate(self.axes, 1):
-            coords |= along(axis, f"axis_{i}", axis.values)
-        unit = "N" if self.metric == "valid_to" else "1"
-        data: dict[str, Any] = {
-            name: (dims, value, {"units": unit, "long_name": f"{METRICS[self.metric]}: {name}"})
-            for name, value in self.value.items()
-        }
-        data["state"] = (dims, self.state, {"flag_meanings": " / ".join(STATES)})
-        about = "load up to which the sweep is solved"
-        unit = "rad" if self.by_displacement else "N"
-        data["solved_to"] = (dims, self.solved_to, {"units": unit, "long_name": about})
-        for name, defined in self.defined.items():
-            about = f"1 where constant curvature {LABELS[name]} has an error at all loads"
-            data[f"{name}_defined"] = (
-                dims,
-                defined.astype(np.int8),
-                {"units": "1", "long_name": about},
-            )
-        coarse = [f"cause_{dim}" for dim in dims]
-        for name, effects in self.cause.items():
-            about = "effect with more than half of the error, empty where none has"
-            data[f"{name}_cause"] = (coarse, effects.astype(object), {"long_name": about})
-        for i, axis in enumerate(self.axes, 1):
-            places = np.unique(self.cause_points[i - 1])
-            order = places if axis.start < axis.stop else places[::-1]
-            coords |= along(axis, f"cause_axis_{i}", order)
-        return xr.Dataset(
-            data,
-            coords,
-            {
-                "robot": self.robot.name,
-                "robot_hash": self.robot.hash,
-                "source": _SOURCE,
-                **self.settings.attributes,
-            },
-        )
-
-    def figure(self) -> Figure:
-        """Draw the map.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            A panel for each model.
-        """
-        from bowstring.validity.figures import draw
-
-        return draw(self)
-
-    def save(self, path: str | Path) -> Path:
-        """Write the map to a file, whole or not at all.
-
-        Parameters
-        ----------
-        path : str or Path
-            Its suffix tells the format: a figure (PNG, PDF or SVG), or the numbers of `to_dataset`
-            as NetCDF. An earlier map is replaced.
-
-        Returns
-        -------
-        Path
-            Absolute path of the file.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be written.
-        """
-        file = check_map_file(path)
-        if file.suffix.lower() != _NUMBERS:
-            return write_figure(self.figure, file, "map")
-        values = self.to_dataset()
-        write_whole_file(
-            file,
-            "map",
-            lambda new: values.to_netcdf(new, engine="netcdf4"),
-            lambda: check_map_file(file),
-        )
-        return file
-
-    @property
-    def maps(self) -> Annotated[list[MapOfModel], Key()]:
-        """Map of each model."""
-        scale = 1.0 if self.metric == "valid_to" else 100.0
-        return [
-            MapOfModel(
-                name,
-                scale * value,
-                self.contour[name],
-                self.ranges.get(name, np.zeros((0, 2))),
-                self.cause[name],
-                self.defined[name],
-            )
-            for name, value in self.value.items()
-        ]
-
-    @property
-    def states(self) -> Annotated[list[State], Key()]:
-        """State of each point, row by row. ``not solved``: the solver gave up at some load, which
-        may have an equilibrium or not."""
-        return [STATES[i] for i in self.state.ravel()]
-
-
-_NUMBERS: Final = ".nc"
-_SUFFIXES: Final = (*MARKS, _NUMBERS)
-
-
-def check_map_file(path: str | Path) -> Path:
-    """Check before any work that a map may be written; return its path."""
-    file = Path(path)
-    if file.suffix.lower() == _NUMBERS:
-        return check_file(file, "map", _SUFFIXES, _SOURCE.encode())
-    return check_figure_file(file, "map", _SUFFIXES)
-
-
 _LISTED: Final = (
     "This robot file lists the positions of its disks, so that their number is no axis: the map is "
     'over the tension alone; a second axis may be given, such as "pitch_radius=20:30 mm".'
 )
-_SOURCE: Final = "simulated: constant curvature against statics of the rod"
 
 
 def validity_map(
@@ -545,10 +251,8 @@ def _own_ramp(space: DesignSpace) -> tuple[int | None, dict[int, float]]:
         return None, {}
     other = 1 - ramps[0]
     axis = space.axes[other]
-    own = axis.own_value(space.robot)
-    if own is None or not axis.values.min() <= own <= axis.values.max():
-        return None, {}
-    return ramps[0], {other: own}
+    own = axis.own_value_inside(space.robot)
+    return (None, {}) if own is None else (ramps[0], {other: own})
 
 
 def _on_one_axis(

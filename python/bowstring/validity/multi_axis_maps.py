@@ -21,14 +21,17 @@ from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
 from bowstring.units import quote, read_number
 from bowstring.validation import numbers
-from bowstring.validity.axes import Axis
+from bowstring.validity.axes import Axis, in_words
 from bowstring.validity.causes import causes_of, coarse_step, coarser
 from bowstring.validity.design_space import DesignSpace
-from bowstring.validity.errors import LABELS
+from bowstring.validity.errors import INPUTS, LABELS
+from bowstring.validity.figures import colours_of_causes, title_of
 from bowstring.validity.loading import Loading
 from bowstring.validity.map_job import Points, map_job
+from bowstring.validity.map_result import STATES, ValidityMap, draw_region, handles_of
 from bowstring.validity.map_settings import MapSettings, Metric
-from bowstring.validity.maps import ValidityMap, compute_map
+from bowstring.validity.maps import compute_map
+from bowstring.validity.parallel_coordinates import Kinds, draw_parallel
 from bowstring.validity.sentences import (
     in_causes,
     limits_in_words,
@@ -39,11 +42,12 @@ from bowstring.validity.sentences import (
     undefined_in_words,
     unsolved_in_words,
 )
-from bowstring.viz.style import MARKS, check_figure_file, write_figure
+from bowstring.viz.style import LIGHT, MARKS, check_figure_file, title_above, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
 __all__ = [
     "MOST_DRAWN",
@@ -207,9 +211,7 @@ class ValidityGrid(Result):
             two axes at values of the third. Further axes have the robot's own value there, or the
             middle of their range.
         """
-        from bowstring.validity.multi_axis_figure import draw_grid
-
-        return draw_grid(self)
+        return _draw(self)
 
     def save(self, path: str | Path) -> Path:
         """Write the map to a file, whole or not at all.
@@ -456,3 +458,136 @@ def _grid(job: Job, flat: Mapping[str, NDArray[Any]]) -> ValidityGrid:
     solved, gave_up = (flat[name].reshape(shape) == 1 for name in ("solved", "gave_up"))
     solved_to = np.asarray(flat["solved_to"]).reshape(shape)
     return ValidityGrid(job, value, solved, gave_up, solved_to, defined, cause, step, slack)
+
+
+# -- figure -----------------------------------------------------------------------------------
+
+_WIDTH: Final = 7.4  # inches: three slices beside each other
+_SLICES: Final = 3  # most slices
+_LIMITS: Final = 4  # classes of the validity limit
+
+
+def _draw(found: ValidityGrid) -> Figure:
+    """Draw parallel coordinates and slices, for each model."""
+    from matplotlib.figure import Figure
+
+    names = list(found.value)
+    views, others = _slices(found)
+    heights = [2.7, 2.1] if views else [2.7]
+    height = 1.9 + sum(heights) * len(names)
+    figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+    rows = figure.add_gridspec(len(heights) * len(names), 1, height_ratios=heights * len(names))
+    handles: dict[str, Line2D | Patch] = {}
+    for k, name in enumerate(names):
+        panel = figure.add_subplot(rows[len(heights) * k])
+        panel.set_title(f"constant curvature {INPUTS[name]}", fontweight="bold", pad=4.0)
+        present = draw_parallel(panel, found.settings, found.value[name], _kinds(found, name))
+        if not views:
+            continue
+        cells = rows[2 * k + 1].subgridspec(1, len(views)).subplots(sharey=True, squeeze=False)[0]
+        for cell, view in zip(cells, views, strict=True):
+            present |= draw_region(cell, view, name)
+            if found.metric == "valid_to":  # one scale for all slices
+                cell.collections[0].set_clim(0.0, found.space.max_tension)
+            cell.set_title(in_words(*view.fixed[-1]), fontsize=8.5)
+            cell.set_xlabel(view.label(0))
+            handles |= {str(one.get_label()): one for one in handles_of(view, present)}
+        cells[0].set_ylabel(view.label(1))
+    handles |= {str(one.get_label()): one for one in _line_handles(found)}
+    figure.legend(
+        handles=list(handles.values()),
+        loc="outside lower left",
+        ncols=2,
+        title=_caption(found, others),
+        alignment="left",
+        title_fontsize=8.5,
+    )
+    robot, top = found.space.robot.name, found.space.max_tension
+    title = title_of(robot, found.metric, top)
+    title_above(figure, title)
+    return figure
+
+
+def _caption(found: ValidityGrid, others: str) -> str:
+    if found.metric == "valid_to":
+        bars = "Bars: at each value of an axis, the points by the tension up to which they hold."
+        lines = "Lines: single points, of the same colours."
+    else:
+        tolerance = in_percent(found.tolerance)
+        bars = (
+            f"Bars: at each value of an axis, the share of points with an error above {tolerance}"
+        )
+        bars += ", by its main cause."
+        lines = (
+            f"Dark lines: single points that hold to {tolerance}; light lines: points that do not."
+        )
+    last = f" Slices at {others}." if others else ""
+    return f"{bars}\n{lines}{last}"
+
+
+def _line_handles(found: ValidityGrid) -> list[Line2D | Patch]:
+    """Entries of the legend that only the parallel coordinates have."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    out: list[Line2D | Patch] = []
+    if found.metric != "valid_to":
+        label = f"point that holds to {in_percent(found.tolerance)}"
+        out.append(Line2D([], [], color=LIGHT["ink"], lw=0.7, label=label))
+    if any(axis.own_value_inside(found.space.robot) is not None for axis in found.axes):
+        label = "this robot"
+        out.append(Line2D([], [], color=LIGHT["ink"], lw=0.8, ls="--", label=label))
+    missing = {
+        2: np.any(~found.solved & ~found.gave_up),
+        5: np.any(~found.solved & found.gave_up),
+        4: any(undefined.any() for undefined in found.undefined.values()),
+    }
+    if any(missing.values()):
+        label = ", or ".join(STATES[state] for state, has in missing.items() if has)
+        out.append(Patch(fc="none", ec=LIGHT["muted"], hatch="////", lw=0.0, label=label))
+    return out
+
+
+def _slices(found: ValidityGrid) -> tuple[list[ValidityMap], str]:
+    """Slices over the first two axes at values of the third, and the values of the others."""
+    if len(found.axes) < 3:
+        return [], ""
+    along = found.axes[2]
+    count = min(_SLICES, len(along.values))
+    chosen = along.values[np.round(np.linspace(0, len(along.values) - 1, count)).astype(int)]
+    rest = {axis.path: _rest(found, axis) for axis in found.axes[3:]}
+    views = [found.slice({**rest, along.path: float(at)}) for at in chosen]
+    words = [in_words(axis, rest[axis.path]) for axis in found.axes[3:]]
+    return views, ", ".join(words)
+
+
+def _rest(found: ValidityGrid, axis: Axis) -> float:
+    """The robot's own value where it is on the axis, or the middle of its points."""
+    own = axis.own_value_inside(found.space.robot)
+    return float(axis.values[len(axis.values) // 2]) if own is None else own
+
+
+def _kinds(found: ValidityGrid, name: str) -> Kinds:
+    from matplotlib import colormaps
+
+    value = found.value[name]
+    if found.metric == "valid_to":
+        ends = np.linspace(0.0, found.space.max_tension, _LIMITS + 1)
+        of = np.clip(np.digitize(value, ends) - 1, 0, _LIMITS - 1)
+        shades = colormaps["viridis"]((np.arange(_LIMITS) + 0.5) / _LIMITS)
+        colours: list[Any] = [tuple(map(float, shade)) for shade in shades]
+        causes: list[str] = []
+    else:
+        by_cause = colours_of_causes()
+        causes, colours = list(by_cause), list(by_cause.values())
+        few = found.cause[name].shape
+        nearest = [
+            np.minimum(np.round(np.arange(many) / found.step).astype(int), count - 1)
+            for many, count in zip(value.shape, few, strict=True)
+        ]
+        effect = found.cause[name][np.ix_(*nearest)]
+        of = np.full(value.shape, -1)
+        for kind, key in enumerate(causes):
+            of[(value > found.tolerance) & (effect == key)] = kind
+    of[~(np.isfinite(value) & found.defined[name])] = len(colours)
+    return Kinds(of, [*colours, "none"], causes)

@@ -10,18 +10,14 @@ from numpy.typing import NDArray
 
 from bowstring.aliases import Bools, Floats
 from bowstring.formatting import in_newtons, in_percent, listed, significant
-from bowstring.validity.axes import RAMPS, Axis
+from bowstring.validity.axes import RAMPS, Axis, in_ranges
 from bowstring.validity.causes import coarse_step
 from bowstring.validity.contour import runs
 from bowstring.validity.effects import EFFECTS
 from bowstring.validity.errors import LABELS
 from bowstring.validity.loading import actuated
+from bowstring.validity.map_result import STATES, UNSOLVED, ValidityMap
 from bowstring.validity.map_settings import MapSettings
-from bowstring.validity.maps import STATES, UNSOLVED, ValidityMap
-
-_MOST_RANGES = 4  # in a sentence
-_DIGITS = 3
-_FINE = 0.01  # range of an axis over its numbers below which they have more digits
 
 
 def described(found: ValidityMap) -> list[str]:
@@ -111,39 +107,6 @@ def _quantity(axis: Axis, value: float) -> str:
         return f"{value:.0f} disks"
     unit = f" {axis.units[1]}" if axis.units[1] else ""
     return f"{axis.words} of {significant(value / axis.factor)}{unit}"
-
-
-def in_ranges(axis: Axis, ranges: Floats) -> str:
-    """Ranges (n, 2) of an axis, such as ``from 0 to 56.1 N`` or ``from 4 disks on``."""
-    unit = f" {axis.units[1]}" if axis.units[1] else ""
-    values = np.sort(axis.values)
-    if axis.is_whole:
-        parts = [_of_disks(int(low), int(high), values) for low, high in ranges]
-    else:
-        parts = []
-        for low, high in ranges / axis.factor:
-            first, last = (_text(end, axis) for end in (low, high))
-            parts.append(f"at {first}{unit}" if low == high else f"from {first} to {last}{unit}")
-    if len(parts) > _MOST_RANGES:
-        return f"{', '.join(parts[:_MOST_RANGES])} and in {len(parts) - _MOST_RANGES} more ranges"
-    return listed(parts)
-
-
-def _of_disks(low: int, high: int, values: Floats) -> str:
-    if low == high:
-        return f"at {low} disks"
-    if high == values[-1]:
-        return f"from {low} disks on"
-    return f"up to {high} disks" if low == values[0] else f"from {low} to {high} disks"
-
-
-def _text(value: float, axis: Axis) -> str:
-    """A value of an axis in its usual unit, with more digits where the axis is short."""
-    span = abs(axis.stop - axis.start) / axis.factor
-    if abs(value) < 1e-6 * span:
-        return "0"
-    more = math.log10(max(1.0, _FINE * abs(value) / span))
-    return significant(value, _DIGITS + math.ceil(more))
 
 
 def _at_points(found: ValidityMap, where: Bools) -> str:

@@ -39,6 +39,7 @@ from bowstring.validity.effects import Rods
 from bowstring.validity.errors import LABELS, LAWS, Ramps, arc_tips, follow
 from bowstring.validity.loading import Loading
 from bowstring.validity.map_settings import end_of_ramp
+from bowstring.viz.style import LIGHT, legend_above, subplots, title_above
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,6 +49,7 @@ _BLOCK: Final = 4096  # samples solved at a time
 _MOST_ASSUMED: Final = 24  # numbers of one kind, as each takes its share of the samples
 _WIDEST: Final = 5.0  # standard deviations that a sample stays within
 _NAMED: Final = 0.025  # share of the samples without any valid load, from which on the text has it
+_BINS: Final = 40  # of the histogram
 _MARGIN: Final = 1.5  # end of the ramp over the nominal limit
 
 
@@ -278,9 +280,7 @@ class Spread(Result):
         matplotlib.figure.Figure
             Histogram above, bars of the indices with their intervals below.
         """
-        from bowstring.validity.figures import draw_spread
-
-        return draw_spread(self)
+        return _draw(self)
 
 
 def validity_spread(
@@ -560,3 +560,69 @@ def _limit(nominal: Designs, ramps: Ramps, name: str, tolerance: float) -> tuple
         holds = (share <= tolerance).all(axis=1)
     solved = errors.is_solved("valid_to", name, tolerance)
     return np.where(holds, np.inf, found), solved
+
+
+def _draw(found: Spread) -> Figure:
+    """Draw the distribution of the validity limit, and Sobol' indices."""
+    figure, (above, below) = subplots(2, 5.2, height_ratios=(3, 2))
+    finite = found.limit[np.isfinite(found.limit)]
+    percent = in_percent(found.tolerance, 3)
+    of_limit = found.limit_indices is not None and finite.size > 0.5 * len(found.limit)
+    values = finite if of_limit else 100.0 * found.error[np.isfinite(found.error)]
+    summary = found.limit_summary if of_limit else found.error_summary
+    scale = 1.0 if of_limit else 100.0
+    total = int(np.isfinite(found.error).sum()) if not of_limit else len(found.limit)
+    edges = np.linspace(0.0, found.max_tension if of_limit else values.max(), _BINS + 1).tolist()
+    each: Any = {"weights": np.full(len(values), 100.0 / total)}
+    above.hist(values, bins=edges, color=LIGHT["blue"], alpha=0.6, **each)
+    held = 100.0 * float(np.isinf(found.limit).mean())
+    if of_limit and held:
+        wide = 2.0 * found.max_tension / _BINS
+        label = f"holds to the end: {held:.0f} %"
+        above.bar(
+            found.max_tension + wide, held, wide, color=LIGHT["green"], alpha=0.6, label=label
+        )
+    two_sided = np.isfinite([float(summary.quantiles[p].value) for p in (0.025, 0.975)]).all()
+    for p, style, label in (
+        (0.5, "-", "median"),
+        (0.025, ":", "95 % of the samples" if two_sided else "97.5 % of the samples lie above"),
+        (0.975, ":", "" if two_sided else "97.5 % of the samples lie below"),
+    ):
+        at = float(summary.quantiles[p].value) * scale
+        if np.isfinite(at):
+            above.axvline(at, color=LIGHT["ink"], ls=style, lw=1.2, label=label or None)
+    own = found.nominal if of_limit else 100.0 * found.tolerance
+    if np.isfinite(own):
+        label = "nominal robot" if of_limit else f"tolerance {percent}"
+        above.axvline(own, color=LIGHT["red"], ls="--", lw=1.4, label=label)
+    end = f"{significant(found.max_tension)} N"
+    above.set_xlabel(
+        f"{percent} of length holds up to (N); sweep to {end}"
+        if of_limit
+        else f"tip error at {end} (% of length)"
+    )
+    above.set_ylabel("share of the samples (%)")
+    above.set_xlim(left=0.0)
+    legend_above(above, 2)
+    indices = found.limit_indices if of_limit else found.error_indices
+    assert indices is not None
+    order = np.argsort(np.nan_to_num(indices.total.value))
+    place = np.arange(len(order), dtype=float)
+    for estimate, shift, colour, label in (
+        (indices.first, 0.18, "blue", "alone (first order)"),
+        (indices.total, -0.18, "amber", "with interactions (total)"),
+    ):
+        value = np.clip(np.asarray(estimate.value)[order], 0.0, None)
+        spread = [
+            np.clip(value - np.asarray(estimate.low)[order], 0.0, None),
+            np.clip(np.asarray(estimate.high)[order] - value, 0.0, None),
+        ]
+        below.barh(place + shift, value, 0.34, color=LIGHT[colour], label=label)
+        below.errorbar(value, place + shift, xerr=spread, fmt="none", ecolor=LIGHT["ink"], lw=1.0)
+    below.set_yticks(place, [indices.factors[i] for i in order])
+    below.set_xlabel("share of the variance (Sobol' index, 95 % interval)")
+    below.set_xlim(left=0.0)
+    legend_above(below, 2)
+    title = f"{found.robot.name}: constant curvature {LABELS[found.name]} (simulated)"
+    title_above(figure, title)
+    return figure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,15 +24,21 @@ from bowstring.validation import choice, share_of_length, whole
 from bowstring.validity.causes import main_cause
 from bowstring.validity.control_commands import drawn_tensions, prepared, sobol_points
 from bowstring.validity.design_space import COUPLED
-from bowstring.validity.drawn import Drawn
+from bowstring.validity.drawn import CELLS, Drawn, draw_bar, draw_cells, extent, keep_open, places
 from bowstring.validity.effects import Rods, acting, without
 from bowstring.validity.errors import LABELS, LAWS, Ramps, tip_errors
+from bowstring.validity.figures import CAUSES, colours_of_causes, handles_of_causes
 from bowstring.validity.limit_search import gave_up
+from bowstring.validity.map_result import STATES
 from bowstring.validity.maps import APART
 from bowstring.validity.sentences import in_causes, in_not_examined, undefined_in_words
+from bowstring.viz.style import LIGHT, subplots, title_above
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
 _POSES: Final = 2048
 _PART: Final = 1024
@@ -195,9 +201,7 @@ class WorkspaceMap(Drawn):
         matplotlib.figure.Figure
             Two panels for each model.
         """
-        from bowstring.validity.workspace_figure import draw_workspace
-
-        return draw_workspace(self)
+        return _draw(self)
 
 
 def workspace_map(
@@ -324,3 +328,138 @@ def _ends_elsewhere(rods: Rods, start: Floats, tensions: Floats, tip: Floats) ->
     end = sweep_designs(each, path, load=rods.load, model=rods.model, threads=threads())
     away = np.linalg.norm(end.tip_position[:, -1] - tip, axis=-1)
     return np.asarray(away > APART * robot.length)  # NaN is not apart
+
+
+# -- figure -----------------------------------------------------------------------------------
+
+_HOLDS: Final = "holds"  # keys of hexagons beside those of the causes
+_NO_ARC: Final = "no arc"
+_CROSS: Final[dict[str, Any]] = {
+    "marker": "x",
+    "ls": "none",
+    "color": LIGHT["ink"],
+    "ms": 3.0,
+    "mew": 0.7,
+}
+_RING: Final[dict[str, Any]] = {**_CROSS, "marker": "o", "mfc": "none", "ms": 4.0}
+_KINDS: Final = (_HOLDS, *CAUSES, "", _NO_ARC)
+
+
+def _draw(found: WorkspaceMap) -> Figure:
+    """Draw the largest error by tip position, and below it its main cause, for each model."""
+    names = list(found.error)
+    figure, panels = subplots(2 * len(names), 0.8 + 6.4 * len(names), sharex=True)
+    present: set[str] = set()
+    surface = len(found.robot.segments) == 1
+    for i, name in enumerate(names):
+        errors, causes = panels[2 * i : 2 * i + 2]
+        _errors(figure, errors, found, name)
+        present |= _causes(causes, found, name)
+        errors.set_title(f"constant curvature {LABELS[name]}: largest error")
+        causes.set_title(f"constant curvature {LABELS[name]}: cause of it")
+        for panel in (errors, causes):
+            panel.set_ylabel("y of the tip (mm)" if surface else "z of the tip (mm)")
+            panel.set_aspect("equal", adjustable="box")
+            keep_open(panel, places(found.robot, found.tip))
+    far = "distance of the tip from the base's axis (mm)"
+    panels[-1].set_xlabel("x of the tip (mm)" if surface else far)
+    handles = _handles(found, present)
+    if handles:
+        figure.legend(handles=handles, loc="outside lower left", ncols=1)
+    kinds = {2: ~found.solved & ~found.gave_up, 5: found.unknown}
+    more = "".join(
+        f"\n{int(where.sum())} of {len(found.tip)} poses: {STATES[state]}, not shown"
+        for state, where in kinds.items()
+        if where.any()
+    )
+    title = f"{found.robot.name}: workspace to {found.largest_tensions} (simulated){more}"
+    title_above(figure, title)
+    return figure
+
+
+def _errors(figure: Figure, panel: Axes, found: WorkspaceMap, name: str) -> None:
+    from matplotlib.patheffects import withStroke
+
+    along, up = places(found.robot, found.tip)
+    share = found.error[name] / found.robot.length
+    cells = draw_cells(panel, (along, up), share, found.tolerance)
+    if cells is not None:
+        draw_bar(figure, [panel], cells, found.tolerance)
+    bright = [withStroke(linewidth=2.5, foreground="white")]  # also on dark colours
+    for where, mark in ((found.undefined(name), _CROSS), (found.two_equilibria, _RING)):
+        if where.any():
+            panel.plot(along[where], up[where], **mark, path_effects=bright)
+
+
+def _causes(panel: Axes, found: WorkspaceMap, name: str) -> set[str]:
+    """Draw the cause of the largest error in each hexagon; return the keys of those drawn."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    error = found.error[name]
+    if found.solved.any() and (error[found.solved] <= found.tolerance * found.robot.length).all():
+        words = f"holds to {in_percent(found.tolerance)} at all poses"
+        panel.text(0.5, 0.5, words, transform=panel.transAxes, ha="center", va="center")
+        along, up = (v[found.solved] for v in places(found.robot, found.tip))
+        panel.plot(along, up, ls="none")  # the same range as the panel of the errors
+        _room_of_a_bar(panel, panel.scatter([], [], c=[]))
+        panel.grid(False)
+        return {_HOLDS}
+    along, up = places(found.robot, found.tip)
+    outside = ~(error <= found.tolerance * found.robot.length)
+    keys = np.where(outside, found.cause[name], _HOLDS)
+    keys = np.where(found.undefined(name), _NO_ARC, keys)
+    kind = np.array([_KINDS.index(str(key)) for key in keys])
+    worst = np.where(found.undefined(name), np.inf, error)
+    rows = np.flatnonzero(found.solved)
+    if not rows.size:
+        return set()
+
+    def of_worst(members: Any) -> float:
+        at = np.asarray(members, dtype=int)
+        return float(kind[at[np.argmax(worst[at])]])
+
+    colours = ListedColormap(["white", *colours_of_causes().values(), LIGHT["muted"]])
+    cells = panel.hexbin(
+        along[rows],
+        up[rows],
+        rows,
+        reduce_C_function=of_worst,
+        gridsize=CELLS,
+        extent=extent((along[rows], up[rows])),
+        norm=BoundaryNorm(np.arange(len(_KINDS) + 1) - 0.5, len(_KINDS)),
+        cmap=colours,
+        linewidths=0.3,
+        edgecolors=LIGHT["muted"],
+    )
+    _room_of_a_bar(panel, cells)
+    panel.grid(False)
+    shown = np.asarray(cells.get_array()).astype(int)
+    return {_KINDS[i] for i in np.unique(shown)}
+
+
+def _room_of_a_bar(panel: Axes, shown: Any) -> None:
+    """Leave the room of a colour bar, so that both panels have one scale."""
+    bar: Any = panel.figure.colorbar(shown, ax=panel, label="largest error", format="10.0")
+    for part in (bar.outline, bar.solids):
+        part.set_visible(False)
+    bar.minorticks_off()
+    bar.ax.tick_params(colors="none")
+    bar.ax.yaxis.label.set_color("none")
+
+
+def _handles(found: WorkspaceMap, present: set[str]) -> list[Line2D | Patch]:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Line2D | Patch] = []
+    if _HOLDS in present:
+        label = f"holds to {in_percent(found.tolerance)}"
+        handles.append(Patch(fc="white", ec=LIGHT["muted"], label=label))
+    handles += handles_of_causes(present, not found.robot.is_coupled)
+    if _NO_ARC in present:
+        handles.append(Line2D([], [], **_CROSS, label=f"pose: {STATES[4]}"))
+        handles.append(Patch(fc=LIGHT["muted"], label=STATES[4]))
+    if found.two_equilibria.any():
+        label = f"pose: {STATES[1]}, the robot may snap through"
+        handles.append(Line2D([], [], **_RING, label=label))
+    return handles

@@ -271,6 +271,11 @@ def log_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(Powers(labelOnlyBase=False))
 
 
+def title_above(figure: Figure, text: str) -> None:
+    """Write the title of a figure at its upper left corner."""
+    figure.suptitle(text, fontsize=9.5, x=0.01, ha="left")
+
+
 def legend_above(axes: Axes, columns: int) -> None:
     """Place the legend above the axes, where it covers nothing."""
     axes.legend(

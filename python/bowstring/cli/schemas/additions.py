@@ -17,7 +17,7 @@ from bowstring.results import Object, about
 from bowstring.statics import branches
 from bowstring.suite import summary
 from bowstring.validity.control import ControlErrors
-from bowstring.validity.maps import ValidityMap
+from bowstring.validity.map_result import ValidityMap
 from bowstring.validity.multi_axis_maps import ValidityGrid
 from bowstring.validity.reach import Reach
 from bowstring.validity.spread import Spread

@@ -30,7 +30,7 @@ from bowstring.study.ramp_response import Transient
 from bowstring.study.shape_models import ShapeModels
 from bowstring.study.sweeps import GeometricSweep, Statics
 from bowstring.study.verdict import Verdict
-from bowstring.validity.maps import ValidityMap
+from bowstring.validity.map_result import ValidityMap
 from bowstring.validity.spread import Spread
 
 # -- measurements ----------------------------------------------------------------------------------
