@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import bowstring as bs
 from bowstring import Load, RodModel
 from bowstring._core import PathStates
+from bowstring.calibration import Data
 from bowstring.calibration.parameters import Unknowns
-from bowstring.calibration.tip_model import Commands, TipModel
+from bowstring.calibration.tip_model import Commands, Prediction, TipModel
 from bowstring.robot.model import Robot
 from bowstring.statics import actuation
 from test_calibration_fitting import made_up_displacements, three_segments
@@ -158,6 +160,28 @@ def test_a_path_from_the_states_of_another_is_that_from_home(law: str) -> None:
         assert 38 <= found.solved.sum() < 40
         np.testing.assert_allclose(found.points, home.points, rtol=0, atol=1e-11)
         np.testing.assert_allclose(found.tensions, home.tensions, rtol=0, atol=1e-8)
+
+
+def test_a_fit_whose_rows_have_another_equilibrium_from_home_has_not_converged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot, fitted = with_law("friction")
+    rows = made_up_displacements(8)
+    commands = Commands(np.ones(rows.shape, bool), rows, None)
+    tips = TipModel(Unknowns(robot, fitted), commands, RodModel()).predict(np.array([0.2])).point
+    data = Data(tips, displacements=rows)
+    assert bs.fit(robot, data, fitted, start={fitted[0]: 0.18}).converged
+    predicted = TipModel.from_home
+
+    def elsewhere(model: TipModel, values: Floats) -> Prediction:
+        at = predicted(model, values)
+        at.position[2] += 1e-3
+        return at
+
+    monkeypatch.setattr(TipModel, "from_home", elsewhere)
+    found = bs.fit(robot, data, fitted, start={fitted[0]: 0.18})
+    assert not found.converged
+    assert "1 of 8 rows have another equilibrium on a path from the home pose" in found.message
 
 
 def test_the_states_of_another_path_save_iterations() -> None:

@@ -160,7 +160,9 @@ def test_two_segments(rao):
         assert found.slack == tuple(np.flatnonzero(np.array(tensions) == 0) + 1)
 
 
-def test_opposing_tendons_are_named_without_an_equilibrium(robot):
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_opposing_tendons_are_named_without_an_equilibrium(robot, friction):
+    robot = robot.with_({"segments.0.tendons.friction": friction})
     conflicting, thin = bs.Load(displacements=[0.03] * 3), bs.RodModel("kirchhoff")
     found = bs.solve(robot, load=conflicting, model=thin)
     assert found.status == "no_equilibrium" and not found.converged and found.tip is None

@@ -131,7 +131,7 @@ class PathSolver:
         disks: bool,
         threads: int | None,
         durations: Floats | None = None,
-        near: PathStates | None = None,
+        guesses: PathStates | None = None,
     ) -> dict[str, Any]: ...
     def follow_perturbed(
         self,
@@ -141,7 +141,7 @@ class PathSolver:
         disks: bool,
         perturbed: Sequence[tuple[PathSolver, Floats]],
         durations: Floats | None = None,
-        near: PathStates | None = None,
+        guesses: PathStates | None = None,
     ) -> list[dict[str, Any]]: ...
     def history(self) -> dict[str, Any]: ...
     def resume(self, history: Mapping[str, NDArray[Any]]) -> None: ...

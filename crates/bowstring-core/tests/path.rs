@@ -34,7 +34,7 @@ fn steps<'a>(
 ) -> Steps<'a> {
     Steps {
         durations: &[],
-        near: None,
+        guesses: None,
         loads: Loads {
             count,
             tensions: values,
@@ -856,7 +856,7 @@ fn rows_side_by_side_do_not_depend_on_those_before() {
     for from in (0..rows).step_by(16) {
         let part = Steps {
             durations: &[],
-            near: None,
+            guesses: None,
             loads: Loads {
                 count: 16,
                 tensions: &values[6 * from..][..96],

@@ -938,7 +938,7 @@ fn paths(row: Row, count: usize) {
         });
         let steps = Steps {
             durations: &[],
-            near: None,
+            guesses: None,
             loads: Loads {
                 count: 2,
                 tensions: &shortened.repeat(2),

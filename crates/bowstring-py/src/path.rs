@@ -22,8 +22,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::array::from_fn;
 
-/// States of a path after its rows, from which it is followed again for slightly other numbers;
-/// none at first.
+/// States of a path after its rows: initial guesses of those of a path with slightly other numbers.
+/// A new object has no guess.
 #[pyclass(module = "bowstring._core", frozen)]
 #[derive(Default)]
 pub struct PathStates(Vec<Option<path::History>>);
@@ -156,10 +156,9 @@ impl PathSolver {
     /// Many steps: each from the one before or, with `threads` (0: one for each core), each from
     /// the present state of the path. Arrays of n rows; the load may have one row. Durations are the
     /// times from the row before to each row (s), zero by default.
-    /// With `near` a path is followed from the states of another one of slightly other numbers, and
-    /// its own ones are returned.
+    /// With `guesses` a path in sequence starts each row from a guess, and returns its own states.
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (by_displacement, commands, load, disks, threads, durations=None, near=None))]
+    #[pyo3(signature = (by_displacement, commands, load, disks, threads, durations=None, guesses=None))]
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
@@ -169,7 +168,7 @@ impl PathSolver {
         disks: bool,
         threads: Option<usize>,
         durations: Option<PyReadonlyArray1<'py, f64>>,
-        near: Option<&PathStates>,
+        guesses: Option<&PathStates>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let robot = self.robot.clone_ref(py);
         let core = &robot.get().inner;
@@ -185,7 +184,7 @@ impl PathSolver {
             loads: loads.borrow(),
             by_displacement: &by_displacement,
             durations: &durations,
-            near: near.map(|near| &near.0[..]),
+            guesses: guesses.map(|each| &each.0[..]),
         };
         let path = &mut self.inner;
         let found = interruptible(py, || match threads {
@@ -199,7 +198,7 @@ impl PathSolver {
     /// Many steps of this path, and of perturbed ones beside it with their own commands; returns
     /// the former and then the latter, whose solvers stay as they are. The rest as for `follow`.
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (by_displacement, commands, load, disks, perturbed, durations=None, near=None))]
+    #[pyo3(signature = (by_displacement, commands, load, disks, perturbed, durations=None, guesses=None))]
     fn follow_perturbed<'py>(
         &mut self,
         py: Python<'py>,
@@ -209,7 +208,7 @@ impl PathSolver {
         disks: bool,
         perturbed: Vec<(PyRef<'py, PathSolver>, PyReadonlyArray2<'py, f64>)>,
         durations: Option<PyReadonlyArray1<'py, f64>>,
-        near: Option<&PathStates>,
+        guesses: Option<&PathStates>,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let robot = self.robot.clone_ref(py);
         let core = &robot.get().inner;
@@ -225,7 +224,7 @@ impl PathSolver {
             loads,
             by_displacement: &by_displacement,
             durations: &durations,
-            near: None,
+            guesses: None,
         };
         let own = OwnLoads::new(core, commands, &load)?;
         let (paths, loads): (Vec<_>, Vec<_>) = perturbed
@@ -239,7 +238,7 @@ impl PathSolver {
         let rows = loads.iter().map(|loads| steps(loads.borrow()));
         let mut perturbed: Vec<_> = paths.into_iter().zip(rows).collect();
         let nominal = Steps {
-            near: near.map(|near| &near.0[..]),
+            guesses: guesses.map(|each| &each.0[..]),
             ..steps(own.borrow())
         };
         let path = &mut self.inner;
@@ -410,7 +409,7 @@ pub fn follow_designs<'py>(
         loads: loads.borrow(),
         by_displacement: &by_displacement,
         durations: &[],
-        near: None,
+        guesses: None,
     };
     let designs = Designs {
         robots: &robots,

@@ -688,12 +688,13 @@ def _result(
     scored = _score_of(errors[used])
     # a motion larger than the robot is none of the robot
     astray = scored.rmse_centred > at.setting.robot.length
+    strayed = work.strayed(found.x)
     excess, excess_p = _excess(work, errors, round(fitted))
     estimates = _estimates(work, found, error, ends)
     message = _message(
         work,
         found,
-        (lost, stuck, astray),
+        (lost, stuck, astray, strayed),
         estimates,
         not_identifiable,
         _contradicted(search, found, errors),
@@ -702,7 +703,7 @@ def _result(
         excess if excess > _EXCESS and excess_p < NOISE else None,
         _correlated_pair([item.name for item in items], correlation),
     )
-    converged = found.status > 0 and not (lost or stuck or astray)
+    converged = found.status > 0 and not (lost or stuck or astray or strayed)
     doubts = () if astray else _doubts(work, found, at)
     unknowns, values = work.model.unknowns, found.x * work.step
     by_displacement = work.model.commands.are_displacements
@@ -817,7 +818,7 @@ def _correlated_pair(names: Sequence[str], correlation: Floats) -> tuple[str, ..
 def _message(
     work: Residuals,
     found: Any,
-    failures: tuple[bool, bool, bool],
+    failures: tuple[bool, bool, bool, int],
     estimates: Sequence[Estimate],
     not_identifiable: Sequence[Sequence[str]],
     contradicted: Sequence[str],
@@ -829,12 +830,13 @@ def _message(
     """Message on the end of the fit and the reliability of its numbers.
 
     `failures`: whether too many rows have no equilibrium, the derivatives predict a lower cost, and
-    the points move farther than the robot is long. `contradicted`: parameters whose priors
+    the points move farther than the robot is long; number of rows with another equilibrium on a
+    path from home. `contradicted`: parameters whose priors
     contradict the data. `profiled`: whether intervals are those of the profile likelihood; None if
     it cannot be followed. `alike` (autocorrelation) and `excess` are given if they are significant.
     `pair`: two correlated parameters that prevent convergence, or empty.
     """
-    lost, stuck, astray = failures
+    lost, stuck, astray, strayed = failures
     unsolved = f"{work.unsolved} of {work.asked.sum()} rows"
     if lost:
         said = [f"Not converged: {unsolved} have no equilibrium at the end."]
@@ -852,6 +854,11 @@ def _message(
         said = [
             "Not converged: the points move farther from those of the model than the robot is "
             "long. Check the unit of the tip's columns."
+        ]
+    elif strayed:
+        said = [
+            f"Not converged: {strayed} of {work.asked.sum()} rows have another equilibrium on a "
+            "path from the home pose, or none: begin from better values."
         ]
     elif found.status > 0:
         said = ["Converged."]

@@ -48,6 +48,8 @@ _SETTLED: Final = 0.01
 _FORETOLD: Final = 0.2
 #: Tolerance of a descent that ended although its derivatives predict a lower cost.
 _TIGHT: Final = 1e-9
+#: Distance of points over the robot's length from which on two equilibria are not the same.
+_APART: Final = 1e-6
 #: Largest number of moves to a lower minimum with other tendons taut or slack.
 _PASSES: Final = 10
 #: Largest number of such minima that are tried.
@@ -306,6 +308,19 @@ class Residuals:
         """Variance of a residual, mm^2, at least that of data without noise."""
         free = max(self.count - self.priors.free, 1)
         return float(max(2.0 * cost / free, (1e3 * EXACT) ** 2))
+
+    def strayed(self, scaled: Floats) -> int:
+        """Number of used rows that have another equilibrium on a path from home, or none.
+
+        A search follows its own equilibria. Fits that share their first prediction are not tested:
+        they begin at the end of one that is.
+        """
+        at, model = self.prediction(scaled), self.model
+        if model.shared is not None or not at.states:
+            return 0
+        home = model.from_home(scaled * self.step)
+        apart = np.abs(home.points - at.points).max(axis=(1, 2)) > _APART * at.setting.robot.length
+        return int((apart | (home.solved != at.solved))[self.used].sum())
 
     def has_friction(self, scaled: Floats) -> bool:
         """Whether the robot with these parameters has friction."""

@@ -192,8 +192,8 @@ class Prediction:
     disks : tuple of int
         Disks of the measured points, from 0; empty for the end disk alone.
     states : tuple of PathStates
-        States along the paths of a robot with a memory, near which those of the next prediction are
-        sought.
+        States along the paths of a robot with a memory, if kept: initial guesses for the next
+        prediction.
     moved : dict of Moved
         Predictions with another value of a parameter, by its number; computed on demand, and shared
         with predictions that differ in the frames.
@@ -320,13 +320,14 @@ class TipModel:
         self.solves = 0
         self.shared = shared
         self._last: dict[bytes, Prediction] = {}
-        self._near = tuple(PathStates() for _ in commands.paths)
+        self._guesses = tuple(PathStates() for _ in commands.paths)
 
     def predict(self, values: Floats, *, keep: bool = False) -> Prediction:
         """Predict the poses of the disks for values (P,) of the parameters.
 
         A prediction that is kept for its derivatives serves until the next one, also where the
-        frames change, which do not move the robot.
+        frames change, which do not move the robot. With a memory its states are the initial guesses
+        for the next prediction: of several equilibria that may be another one than from home.
 
         Raises
         ------
@@ -342,8 +343,12 @@ class TipModel:
                 self._last = {key: known}
         if keep and self.shared is not None and not self.shared:
             self.shared[key] = known
-        self._near = known.states or self._near
+        self._guesses = known.states or self._guesses
         return replace(known, setting=setting)
+
+    def from_home(self, values: Floats) -> Prediction:
+        """Predict anew by paths from the home pose, without guesses of earlier predictions."""
+        return self._predicted(values, self.unknowns.setting(values), False)
 
     def _predicted(self, values: Floats, setting: Setting, keep: bool) -> Prediction:
         if self.rod is not None and keep and self._are_cheap(setting):
@@ -426,7 +431,8 @@ class TipModel:
             return self._by_tensions(rod, setting, given)
         core = actuation.Path(robot, rod, alone=True).core
         if robot.has_memory or not keep:
-            return self._followed(core, setting, given)
+            at = self._follow(core, setting, given, disks=not self._at_end.all(), keep=keep)
+            return self._of_rows(setting, at)
 
         def from_home(rows: Ints) -> list[Any]:
             own = actuation.Path(robot, rod).core
@@ -484,11 +490,6 @@ class TipModel:
             poses.append(on_disks)
         return poses[0], poses[1]
 
-    def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
-        """Predict by the rod in rows, with a memory along each path from the home pose."""
-        at = self._follow(core, setting, given, disks=not self._at_end.all())
-        return self._of_rows(setting, at)
-
     def _of_rows(self, setting: Setting, at: Mapping[str, Any]) -> Prediction:
         return Prediction(
             *self._poses(at),
@@ -501,7 +502,7 @@ class TipModel:
         )
 
     def _follow(
-        self, core: Any, setting: Setting, given: Floats, *, disks: bool = False
+        self, core: Any, setting: Setting, given: Floats, *, disks: bool, keep: bool
     ) -> dict[str, Any]:
         """Arrays of all rows by effective commands (K, T), with a memory along each path."""
         robot = setting.robot
@@ -511,8 +512,8 @@ class TipModel:
         for number, rows in enumerate(paths):
             core.reset()
             held, values, late = self._steps(number, rows, setting, given)
-            near = self._near[number] if robot.has_memory else None
-            found.append(core.follow(held, values, _NO_LOAD, disks, cores, late, near))
+            guesses = self._guesses[number] if keep and robot.has_memory else None
+            found.append(core.follow(held, values, _NO_LOAD, disks, cores, late, guesses))
         return _joined(found, paths, disks=disks)
 
     def _steps(
@@ -635,8 +636,8 @@ class TipModel:
         settings = [setting, *(each for _, each, _ in moved)]
         paths = zip(settings, self._follow_perturbed(settings), strict=True)
         at, *others = [self._of_rows(*each) for each in paths]
-        pairs = zip(moved, others, strict=True)
-        return at, [(i, Moved(other, at, difference)) for (i, _, difference), other in pairs]
+        pairs, below = zip(moved, others, strict=True), replace(at, states=())
+        return at, [(i, Moved(other, below, difference)) for (i, _, difference), other in pairs]
 
     def _follow_perturbed(self, settings: Sequence[Setting]) -> list[dict[str, Floats]]:
         """Arrays of all rows by each setting, of which the first is the nominal one."""
@@ -652,8 +653,8 @@ class TipModel:
             # a perturbed robot may be viscoelastic where the nominal one is not
             late = next((each for each in durations if each is not None), None)
             cores[0].reset()
-            follow, near = cores[0].follow_perturbed, self._near[number]
-            found.append(follow(held[0], values[0], _NO_LOAD, below, perturbed, late, near))
+            follow, guesses = cores[0].follow_perturbed, self._guesses[number]
+            found.append(follow(held[0], values[0], _NO_LOAD, below, perturbed, late, guesses))
         paths = self.commands.paths
         return [_joined(each, paths, disks=below) for each in zip(*found, strict=True)]
 

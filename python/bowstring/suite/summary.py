@@ -63,7 +63,8 @@ class Suite(Result):
         sets = f"each of {many} robots" if many > 1 else "one robot"
         return (
             f"For {sets}, rod model and constant curvature were calibrated on one part of the "
-            f"measurements; on the other part, constant curvature errs {text} times as much as the rod model."
+            f"measurements; on the other part, constant curvature errs {text} times as much as the "
+            "rod model."
         )
 
 

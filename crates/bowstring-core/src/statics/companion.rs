@@ -1,4 +1,5 @@
-//! Stated errors of a path with a memory: the same path with other elements beside it.
+//! Steps of a path with their stated errors: where it has a memory, from the same path with other
+//! elements beside it.
 //!
 //! What a path with friction, a set or creep remembers has errors too, which enter the next step.
 //! No estimate of one step contains them. The companion takes every step from its own state, and
@@ -7,10 +8,12 @@
 //! Theory: docs/theory/actuation.md (Stated errors of a path).
 
 use crate::criteria::is_near;
+use crate::interrupt;
+use crate::model::error::InputError;
 use crate::model::load::{Load, LEVELS};
 use crate::outcome::PathOutcome;
 use crate::rod::estimate::ErrorEstimate;
-use crate::statics::path::PathSolver;
+use crate::statics::path::{Companion, PathSolver};
 use crate::statics::solver::Status;
 use crate::tendon::{Command, History};
 
@@ -25,18 +28,104 @@ const WITH_HYSTERESIS: f64 = 2.0;
 /// Error of the state of a path with twice as many elements, over the stated error.
 const OF_FINER: f64 = 0.125;
 
-/// The same path with other elements.
-#[derive(Clone)]
-pub(super) struct Companion {
-    pub path: PathSolver,
-    /// Stated error of the state from which it started.
-    pub inherited: ErrorEstimate,
-}
-
 impl PathSolver {
+    /// Equilibrium under commands and load, one step of the path from the last.
+    ///
+    /// # Errors
+    /// If a number does not fit the robot.
+    pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<PathOutcome, InputError> {
+        self.check(commands, load)?;
+        let given = commands;
+        let commands = &self.transmission().tendons.driven(commands);
+        let load = &self.solver().settings.without_negligible(load);
+        let mut iterations = 0;
+        let last = &self.history().load.point_loads;
+        let least = load.least_elements_beside(self.robot(), last);
+        if self.solver().elements() < least {
+            let Some(finer) = self.with_elements(least, self.history()) else {
+                return Ok(PathOutcome::pending());
+            };
+            *self = finer;
+        }
+        loop {
+            let _bounded = interrupt::bounded(self.last.most_work());
+            let old = self.history().clone();
+            self.accompany(least);
+            let mut outcome = self.solve(&old, commands, load);
+            iterations += outcome.iterations;
+            let mut converged = outcome.status == Status::Converged;
+            if converged {
+                let (needed, before) = self.state_error(&mut outcome, given, load);
+                if let Some(finer) = self.finer(needed, &old, before) {
+                    *self = finer;
+                    continue;
+                }
+            }
+            outcome.iterations = iterations;
+            if outcome.error.is_some_and(|error| !error.is_bound()) {
+                (outcome.status, outcome.stable) = (Status::MaxIterations, None);
+                outcome.error = None;
+                converged = false;
+                self.companion = None;
+            }
+            if let Some(error) = outcome.error {
+                self.remembered = error;
+            }
+            if converged {
+                self.waited = 0.0;
+            } else {
+                self.waited += self.duration;
+                self.return_to(old, &mut outcome, commands, load);
+            }
+            return Ok(outcome);
+        }
+    }
+
+    /// After a step without a solution: returns to `old`, and finds the nearest feasible
+    /// displacements.
+    fn return_to(
+        &mut self,
+        old: History,
+        outcome: &mut PathOutcome,
+        commands: &[Command],
+        load: &Load,
+    ) {
+        self.tendons().now = old;
+        let by_displacement = commands.iter().any(|c| c.is_displacement());
+        if by_displacement && outcome.status != Status::NoEquilibrium && !interrupt::interrupted() {
+            if let Some(nearest) = self.last.nearest(&self.home, commands, load) {
+                outcome.status = Status::NoEquilibrium;
+                outcome.opposing = nearest.opposing;
+                outcome.nearest = Some(nearest.displacements);
+            }
+        }
+        self.last.solver.unsettle();
+        self.tendons().slack.fill(f64::NAN);
+    }
+
+    /// The same robot with more elements, where a step from `old` needs them: from the state
+    /// `before` of the companion, if that has more elements.
+    fn finer(
+        &mut self,
+        needed: usize,
+        old: &History,
+        before: Option<History>,
+    ) -> Option<PathSolver> {
+        let enough = needed == self.solver().elements();
+        if enough || !self.automatic || interrupt::interrupted() {
+            return None;
+        }
+        if let Some(finer) = self.promoted(needed, before) {
+            return Some(finer);
+        }
+        let mut finer = self.with_elements(needed, old)?;
+        finer.companion = None;
+        Some(finer)
+    }
+
     /// Takes a companion from the present state, if the path has a memory; with `least` elements or
     /// more.
-    pub(super) fn accompany(&mut self, least: usize) {
+    fn accompany(&mut self, least: usize) {
         if !(self.accompanied && self.has_memory()) {
             return;
         }
@@ -65,7 +154,7 @@ impl PathSolver {
 
     /// States the error of a converged step, and returns the elements that the tolerances need, with
     /// the state of the companion before the step.
-    pub(super) fn state_error(
+    fn state_error(
         &mut self,
         outcome: &mut PathOutcome,
         commands: &[Command],
@@ -123,11 +212,7 @@ impl PathSolver {
 
     /// The path of the companion with `needed` elements, from its state `before` the step, if it has
     /// more elements than this.
-    pub(super) fn promoted(
-        &mut self,
-        needed: usize,
-        before: Option<History>,
-    ) -> Option<PathSolver> {
+    fn promoted(&mut self, needed: usize, before: Option<History>) -> Option<PathSolver> {
         let (companion, before) = (self.companion.take()?, before?);
         let mut path = companion.path;
         if path.solver().elements() < self.solver().elements() {

@@ -4,7 +4,6 @@
 //! Theory: docs/theory/actuation.md.
 
 use crate::dispatch;
-use crate::interrupt;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::paths::{paths_side_by_side, LanePath, LaneState, PathsSideBySide};
 use crate::math::linalg::Vec3;
@@ -14,13 +13,20 @@ use crate::model::robot::Robot;
 pub use crate::outcome::PathOutcome;
 use crate::rod::estimate::ErrorEstimate;
 use crate::statics::adaptive::with_elements;
-use crate::statics::companion::Companion;
 use crate::statics::inelastic::{at_points_of, Inelasticity, UnloadedCurvature};
 use crate::statics::path_step::PathStep;
 use crate::statics::relaxation::CreepingTendons;
 use crate::statics::solver::{Solver, Status};
 pub use crate::tendon::{Command, History, Line};
 use crate::tendon::{Slip, Tendons, Transmission, TERMS};
+
+/// The same path with other elements: see `crate::statics::companion`.
+#[derive(Clone)]
+pub(super) struct Companion {
+    pub path: PathSolver,
+    /// Stated error of the state from which it started.
+    pub inherited: ErrorEstimate,
+}
 
 /// A robot that is actuated through its tendons, along a path of equilibria.
 #[derive(Clone)]
@@ -29,7 +35,7 @@ pub struct PathSolver {
     /// Whether elements are chosen step by step.
     pub(super) automatic: bool,
     /// State in the home pose, before any friction.
-    home: History,
+    pub(super) home: History,
     pub(super) laws: Inelasticity,
     /// Time from each step to the next, and time that passed in steps without a solution (s).
     pub(super) duration: f64,
@@ -326,58 +332,6 @@ impl PathSolver {
         Ok(())
     }
 
-    /// Equilibrium under commands and load, one step of the path from the last.
-    ///
-    /// # Errors
-    /// If a number does not fit the robot.
-    pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<PathOutcome, InputError> {
-        self.check(commands, load)?;
-        let given = commands;
-        let commands = &self.transmission().tendons.driven(commands);
-        let load = &self.solver().settings.without_negligible(load);
-        let mut iterations = 0;
-        let last = &self.history().load.point_loads;
-        let least = load.least_elements_beside(self.robot(), last);
-        if self.solver().elements() < least {
-            let Some(finer) = self.with_elements(least, self.history()) else {
-                return Ok(PathOutcome::pending());
-            };
-            *self = finer;
-        }
-        loop {
-            let _bounded = interrupt::bounded(self.last.most_work());
-            let old = self.history().clone();
-            self.accompany(least);
-            let mut outcome = self.solve(&old, commands, load);
-            iterations += outcome.iterations;
-            let mut converged = outcome.status == Status::Converged;
-            if converged {
-                let (needed, before) = self.state_error(&mut outcome, given, load);
-                if let Some(finer) = self.finer(needed, &old, before) {
-                    *self = finer;
-                    continue;
-                }
-            }
-            outcome.iterations = iterations;
-            if outcome.error.is_some_and(|error| !error.is_bound()) {
-                (outcome.status, outcome.stable) = (Status::MaxIterations, None);
-                outcome.error = None;
-                converged = false;
-                self.companion = None;
-            }
-            if let Some(error) = outcome.error {
-                self.remembered = error;
-            }
-            if converged {
-                self.waited = 0.0;
-            } else {
-                self.waited += self.duration;
-                self.return_to(old, &mut outcome, commands, load);
-            }
-            return Ok(outcome);
-        }
-    }
-
     /// One step from `old`, the present state.
     pub(super) fn solve(
         &mut self,
@@ -387,48 +341,6 @@ impl PathSolver {
     ) -> PathOutcome {
         self.last.begin(old, self.waited + self.duration);
         self.last.solve(old, commands, load)
-    }
-
-    /// After a step without a solution: returns to `old`, and finds the nearest feasible
-    /// displacements.
-    fn return_to(
-        &mut self,
-        old: History,
-        outcome: &mut PathOutcome,
-        commands: &[Command],
-        load: &Load,
-    ) {
-        self.tendons().now = old;
-        let by_displacement = commands.iter().any(|c| c.is_displacement());
-        if by_displacement && outcome.status != Status::NoEquilibrium && !interrupt::interrupted() {
-            if let Some(nearest) = self.last.nearest(&self.home, commands, load) {
-                outcome.status = Status::NoEquilibrium;
-                outcome.opposing = nearest.opposing;
-                outcome.nearest = Some(nearest.displacements);
-            }
-        }
-        self.last.solver.unsettle();
-        self.tendons().slack.fill(f64::NAN);
-    }
-
-    /// The same robot with more elements, where a step from `old` needs them: from the state
-    /// `before` of the companion, if that has more elements.
-    fn finer(
-        &mut self,
-        needed: usize,
-        old: &History,
-        before: Option<History>,
-    ) -> Option<PathSolver> {
-        let enough = needed == self.solver().elements();
-        if enough || !self.automatic || interrupt::interrupted() {
-            return None;
-        }
-        if let Some(finer) = self.promoted(needed, before) {
-            return Some(finer);
-        }
-        let mut finer = self.with_elements(needed, old)?;
-        finer.companion = None;
-        Some(finer)
     }
 
     /// The same robot at `now` with other elements; `None` where its home pose does not converge.

@@ -62,9 +62,9 @@ pub struct Steps<'a> {
     pub by_displacement: &'a [bool],
     /// Time from the row before to each row (s), for relaxation and creep; empty for zero.
     pub durations: &'a [f64],
-    /// States after the rows of a path of slightly other numbers, as far as known: a few Newton
-    /// steps lead from there to those of this path, which are kept then. `None` keeps none.
-    pub near: Option<&'a [Option<History>]>,
+    /// Initial guesses of the states after the rows, where known: those of a path with slightly
+    /// other numbers. With any, even none known, a path in sequence keeps its own states.
+    pub guesses: Option<&'a [Option<History>]>,
 }
 
 impl<'a> Steps<'a> {
@@ -80,9 +80,9 @@ impl<'a> Steps<'a> {
         self.durations.get(i).copied().unwrap_or(0.0)
     }
 
-    /// State near that after a row, where known.
-    fn near(&self, i: usize) -> Option<History> {
-        self.near?.get(i)?.clone()
+    /// Initial guess of the state after a row, where known.
+    fn guess(&self, i: usize) -> Option<History> {
+        self.guesses?.get(i)?.clone()
     }
 
     /// Checks every row; the error names the first invalid one, counted from 0.
@@ -130,7 +130,8 @@ pub struct PathSolutions {
     pub span_tensions: Vec<f64>,
     /// Further results of each row.
     pub details: Vec<Detail>,
-    /// States after the rows that converged; empty where [`Steps::near`] keeps none.
+    /// States after the rows of a path, their guesses where a row did not converge; empty without
+    /// [`Steps::guesses`].
     pub states: Vec<Option<History>>,
 }
 
@@ -350,7 +351,7 @@ impl PathSolutions {
     }
 
     fn keep_states(&mut self, steps: &Steps) {
-        if steps.near.is_some() {
+        if steps.guesses.is_some() {
             self.states = vec![None; steps.loads.count];
         }
     }
@@ -570,7 +571,7 @@ impl Part<'_> {
         let m = path.robot().tendon_count();
         let row = self.poses.first + i;
         let (commands, load) = steps.row(row, m);
-        path.last.near = steps.near(row);
+        path.last.guess = steps.guess(row);
         let step = path
             .set_duration(steps.duration(row))
             .and_then(|()| solve(path, &commands, &load));
@@ -585,11 +586,14 @@ impl Part<'_> {
             put(self.displacements, &displacements);
             put(self.slack, path.slack());
             put(self.span_tensions, &path.span_tensions());
-            if let Some(state) = self.states.get_mut(i) {
-                *state = Some(path.history().clone());
-            }
         } else {
             put(self.tensions, &commanded_tensions(&commands));
+        }
+        if let Some(state) = self.states.get_mut(i) {
+            *state = match found.status {
+                Status::Converged => Some(path.history().clone()),
+                _ => steps.guess(row),
+            };
         }
         let status = found.status;
         self.set_outcome(i, found);

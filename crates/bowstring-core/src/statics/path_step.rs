@@ -24,6 +24,8 @@ const TIGHT: f64 = 1e-14;
 const MAX_REGULARISATION_LENGTH: f64 = 1e-9;
 /// Most Newton steps; a step that converges takes fewer than ten, with friction twenty.
 const MAX_STEPS: usize = 60;
+/// The same from a guess near the solution, where fewer than ten are taken.
+const MAX_STEPS_NEARBY: usize = 15;
 /// Residual below which an old tangent may be kept, and the contraction that it must reach.
 const NEAR: f64 = 1e-2;
 const CONTRACTION: f64 = 0.3;
@@ -63,8 +65,8 @@ pub(crate) struct PathStep {
     pub unloaded: Option<UnloadedCurvature>,
     /// Where tendons creep.
     pub creep: Option<CreepingTendons>,
-    /// State near which that of the next step lies, where known.
-    pub near: Option<History>,
+    /// Initial guess of the next step, where known.
+    pub guess: Option<History>,
     acceleration: Acceleration,
     /// Gradient that the solution has left, where it is linearised for perturbed paths (N m).
     pub(super) imbalance: Vec<Vec3>,
@@ -148,7 +150,7 @@ impl PathStep {
             transmission,
             unloaded: None,
             creep: None,
-            near: None,
+            guess: None,
             imbalance: vec![],
         }
     }
@@ -201,27 +203,21 @@ impl PathStep {
         self.solver.settings.work * (2 + unknowns)
     }
 
-    /// Solves for the load directly, from `near` where given, or by load stepping where that fails;
-    /// after `begin`.
+    /// Solves for the load directly, from the guess and else from `old`, or by load stepping where
+    /// that fails; after `begin`.
     pub fn solve(&mut self, old: &History, commands: &[Command], load: &Load) -> PathOutcome {
-        let mut iterations = 0;
-        if let Some(near) = self.near.take().filter(|near| near.is_alike(old)) {
-            let found = self.newton(old, commands, load, &near);
+        if let Some(guess) = self.guess.take().filter(|guess| guess.is_alike(old)) {
+            let found = self.newton(old, commands, load, &guess);
             if found.status == Status::Converged {
                 return found;
             }
-            iterations = found.iterations;
         }
         let first = self.newton(old, commands, load, old);
-        iterations += first.iterations;
         if first.status == Status::Converged {
-            return PathOutcome {
-                iterations,
-                ..first
-            };
+            return first;
         }
         let (mut reached, mut increment) = (0.0, FIRST_INCREMENT);
-        let mut increments = 0;
+        let (mut increments, mut iterations) = (0, first.iterations);
         let mut from = old.clone();
         let mut part_commands = commands.to_vec();
         let mut part = OwnedLoad::default();
@@ -268,22 +264,25 @@ impl PathStep {
         }
     }
 
-    /// One implicit step from `old`, by Newton's method from the pose, tensions and slip of `near`;
-    /// leaves the solution in `self.transmission`.
+    /// One implicit step from `old`, by Newton's method from the pose, tensions and slip of `guess`,
+    /// which is `old` or near the solution; leaves the solution in `self.transmission`.
     fn newton(
         &mut self,
         old: &History,
         commands: &[Command],
         load: &Load,
-        near: &History,
+        guess: &History,
     ) -> PathOutcome {
         let mut outcome = PathOutcome::pending();
         self.start(old, commands, load);
-        if !ptr::eq(near, old) {
-            self.start_at(near);
-        }
+        let most_steps = if ptr::eq(guess, old) {
+            MAX_STEPS
+        } else {
+            self.start_at(guess);
+            MAX_STEPS_NEARBY
+        };
         let friction = self.transmission.friction.enabled;
-        let fresh = friction && near.drops.iter().all(|y| *y == 0.0);
+        let fresh = friction && guess.drops.iter().all(|y| *y == 0.0);
         let mut state = Iteration {
             symmetric: load.has_potential(),
             rigid: self.transmission.tendons.is_rigid(),
@@ -297,7 +296,7 @@ impl PathStep {
         };
         // friction has no potential, but a buckled column is detected all the same
         let stable = (!self.tangent_is_partial()).then_some(true);
-        for step in 0..=MAX_STEPS {
+        for step in 0..=most_steps {
             self.follow_strain(old);
             let work = self.work(self.transmission.unknowns.problem.size);
             if interrupt::work(work) || !self.solver.engine.evaluate().is_finite() {
@@ -308,7 +307,7 @@ impl PathStep {
             outcome.residual = residuals.moment;
             outcome.length_residual = residuals.length * self.solver.robot().length();
             settled &= state.is_settled(&residuals) && self.sticks(old);
-            if !residuals.moment.is_finite() || (step == MAX_STEPS && !settled) {
+            if !residuals.moment.is_finite() || (step == most_steps && !settled) {
                 return outcome;
             }
             if settled && !state.symmetric {
@@ -452,8 +451,11 @@ impl PathStep {
         }
     }
 
-    /// Whether the holes that stick have not slipped since `old`.
+    /// Whether no hole that sticks has slipped since `old`, by more than rounding.
     fn sticks(&self, old: &History) -> bool {
+        if !self.transmission.friction.enabled {
+            return true;
+        }
         let slip = self.transmission.tendons.stick_residual(old);
         slip <= LOOSE * self.solver.robot().length()
     }
