@@ -309,8 +309,8 @@ def test_a_prior_of_a_group_is_of_its_members():
         (lambda: Prior("gain", "2 %"), "prior of gain is '2 %', it must be a standard deviation"),
         (lambda: Prior("gain", np.nan), "prior of gain is nan"),
         (lambda: Prior("gain", np.inf), "prior of gain is inf"),
-        (lambda: Prior(E), "nothing is known of segments.0.backbone.E in general"),
-        (lambda: Prior("offset"), "nothing is known of offset in general"),  # of tensions
+        (lambda: Prior(E), "segments.0.backbone.E has no default prior"),
+        (lambda: Prior("offset"), "offset has no default prior"),  # of tensions
     ],
 )
 def test_bad_priors_are_named(parameter, words):

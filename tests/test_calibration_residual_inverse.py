@@ -114,6 +114,9 @@ def test_bad_input_is_refused(residual: Residual) -> None:
     for wrong in ([], [1.0, 2.0], [[0.0, 0.0, np.nan]], "here"):
         with pytest.raises(InputError, match="position"):
             inverse_with_residual(residual, wrong)  # type: ignore[arg-type]
+    limits = bs.ActuationLimits(displacement_limits=[-0.01, 0.01])
+    with pytest.raises(InputError, match="displacement_limits are not possible with a residual"):
+        inverse_with_residual(residual, BASE, limits=limits)
 
 
 def test_the_command_line(rao: Robot, residual: Residual, shell: Shell, tmp_path: Path) -> None:

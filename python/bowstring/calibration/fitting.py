@@ -830,10 +830,10 @@ def _message(
     """Message on the end of the fit and the reliability of its numbers.
 
     `failures`: whether too many rows have no equilibrium, the derivatives predict a lower cost, and
-    the points move farther than the robot is long; number of rows with another equilibrium on a
-    path from home. `contradicted`: parameters whose priors
-    contradict the data. `profiled`: whether intervals are those of the profile likelihood; None if
-    it cannot be followed. `alike` (autocorrelation) and `excess` are given if they are significant.
+    the points move farther than the robot is long; and the number of rows that have another
+    equilibrium on a path from home. `contradicted`: parameters whose priors contradict the data.
+    `profiled`: whether intervals are those of the profile likelihood; None if it cannot be
+    followed. `alike` (autocorrelation) and `excess` are given if they are significant.
     `pair`: two correlated parameters that prevent convergence, or empty.
     """
     lost, stuck, astray, strayed = failures

@@ -186,8 +186,7 @@ def deviations_of(
             deviation = _default(robot, item) if prior.sd is None else prior.sd
             if deviation is None:
                 raise InputError(
-                    f"nothing is known of {item.name} in general; give its prior a standard "
-                    "deviation, in SI",
+                    f"{item.name} has no default prior; give it a standard deviation, in SI",
                     argument="parameters",
                 )
             found[item.name] = deviation

@@ -101,7 +101,7 @@ def inverse_with_residual(
         Wanted positions of the measured point in the measuring frame, m. Rows are one path in
         order, which memory states follow.
     limits : ActuationLimits, optional
-        As for `bowstring.inverse_kinematics`.
+        Limits of the tensions of the calibrated model, as for `bowstring.inverse_kinematics`.
     progress : callable, optional
         Progress callback, called with the finished share from 0 to 1.
 
@@ -113,13 +113,18 @@ def inverse_with_residual(
     Raises
     ------
     InputError
-        If an argument is wrong, the fit has a delay that its robot file does not have, or the
-        calibrated robot has no inverse.
+        If an argument is wrong, there are limits of displacements, the fit has a delay that its
+        robot file does not have, or the calibrated robot has no inverse.
     """
     residual = validation.instance("residual", residual, Residual)
     wanted = np.atleast_2d(validation.vectors("position", position))
     if wanted.ndim != 2 or not len(wanted) or not np.isfinite(wanted).all():
         raise InputError("position must be (3,) or (K, 3) finite numbers in m")
+    if limits is not None and limits.displacement_limits is not None:
+        raise InputError(
+            "displacement_limits are not possible with a residual: commands have gain and offset",
+            argument="limits",
+        )
     robot = residual.robot
     setting = Unknowns(robot, [], residual.values).setting(np.zeros(0))
     notify = progress or (lambda share: None)

@@ -312,8 +312,8 @@ class Residuals:
     def strayed(self, scaled: Floats) -> int:
         """Number of used rows that have another equilibrium on a path from home, or none.
 
-        A search follows its own equilibria. Fits that share their first prediction are not tested:
-        they begin at the end of one that is.
+        A search starts each row from its last solution, and may stay at another equilibrium. Fits
+        that share their first prediction are not tested: they begin at the end of one that is.
         """
         at, model = self.prediction(scaled), self.model
         if model.shared is not None or not at.states:

@@ -327,7 +327,8 @@ class TipModel:
 
         A prediction that is kept for its derivatives serves until the next one, also where the
         frames change, which do not move the robot. With a memory its states are the initial guesses
-        for the next prediction: of several equilibria that may be another one than from home.
+        for the next prediction: if there are several equilibria, the result may differ from that of
+        a path from home.
 
         Raises
         ------
@@ -417,6 +418,7 @@ class TipModel:
         if not at.columns:
             memory = self.rod is not None and at.setting.robot.has_memory
             if memory and not at.moved and not self.of_frames.all():
+                self._guesses = at.states or self._guesses
                 at.moved.update(self._along_paths(values, at.setting).moved)
             at.columns.extend(self._column(i, values, at) for i in range(len(values)))
         return at.columns

@@ -83,7 +83,7 @@ def _priors(
         ),
     ] = False,
 ) -> Callable[[bool], tuple[Sequence[str | Prior], dict[str, float] | None]]:
-    """Make the function of parameters with their priors, and of these alone, None without a flag.
+    """Function that gives parameters with priors, and priors by name (None without a flag).
 
     Its argument is whether all commands are tensions, which tells the unit of an offset.
     """

@@ -336,7 +336,6 @@ def _with_residual(
     from bowstring.inverse.table import check_commands, read_tips, write_rows
 
     robot = options.robot
-    least = 0.0 if options.min_tension is None else options.min_tension
     residual = of_flag("--residual", lambda name: read_residual(name, robot), file)
     table = None
     if path is None:
@@ -354,7 +353,7 @@ def _with_residual(
         found = inverse_with_residual(
             residual,
             positions,
-            limits=ActuationLimits(least, options.max_tension),
+            limits=ActuationLimits(options.min_tension, options.max_tension),
             progress=lambda share: notify("inverse kinematics", share),
         )
     kinds = found.by_displacement
@@ -397,7 +396,7 @@ def _with_residual(
                 tip_m=None if path is not None else positions[0].tolist(),
                 path=None if path is None else str(path),
                 residual=str(file),
-                min_tension_N=least,
+                min_tension_N=options.min_tension,
                 max_tension_N=options.max_tension,
             ),
         }

@@ -53,7 +53,7 @@ _DAMPED: Final = Integrator(modal_damping=0.05)
 
 @dataclass(frozen=True, eq=False)
 class MotionSettings:
-    """How the robot of an environment moves.
+    """Settings of the motion of an environment's robot.
 
     Parameters
     ----------

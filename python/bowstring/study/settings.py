@@ -116,8 +116,8 @@ class Settings:
 
     @property
     def judged(self) -> str:
-        """Actuated tendons, and of how many combinations they leave the tolerance earliest, as a
-        share of the range of tension."""
+        """Actuated tendons, and the number of combinations of which they leave the tolerance
+        first, as a share of the range of tension."""
         if self.tried < 2:
             return self.actuated
         alone = self.tried == len(self.shares)

@@ -1,4 +1,4 @@
-"""What figures of results over the workspace have in common."""
+"""Shared parts of figures of results over the workspace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What figures of maps have in common."""
+"""Shared parts of figures of maps."""
 
 from __future__ import annotations
 

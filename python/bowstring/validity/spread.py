@@ -353,7 +353,7 @@ def design_of(
     distributions: Distributions | SaltelliDesign | str | Path | Mapping[str, Any],
     points: int,
 ) -> SaltelliDesign:
-    """Design of distributions in any form, of so many base points unless it is given."""
+    """Design of distributions in any form, with `points` base points; a design as it is."""
     if isinstance(distributions, SaltelliDesign):
         return distributions
     if not isinstance(distributions, Distributions):

@@ -42,6 +42,7 @@ __all__ = [
     "save_figures",
     "subplots",
     "svg",
+    "title_above",
     "write_figure",
 ]
 

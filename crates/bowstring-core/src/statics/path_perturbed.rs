@@ -110,8 +110,12 @@ impl PathStep {
                 tendons.now.tensions[i] = at.tensions[i];
             }
         }
-        tendons.now.drops.clone_from(&at.drops);
-        tendons.now.slip.clone_from(&at.slip);
+        let count = tendons.lines.len();
+        for k in 0..at.drops.len() {
+            if tendons.lines[k % count].friction > 0.0 {
+                (tendons.now.drops[k], tendons.now.slip[k]) = (at.drops[k], at.slip[k]);
+            }
+        }
         (0..tendons.lines.len()).for_each(|i| tendons.carry(i));
         let engine = &mut *self.solver.engine;
         engine.set_strains(&|i| at.strain[i]);
