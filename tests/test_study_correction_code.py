@@ -299,6 +299,21 @@ def test_answer_and_code_have_the_correction_that_holds_farther(
     assert re.search(rf"From tensions: constant curvature, corrected: .* up to {end:.3g} N", said)
 
 
+def test_the_code_says_where_the_uncorrected_arc_holds_farther(
+    paper: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(correction_polynomial, "_RANGES", (0.25,))
+    stages = Stages(bs.load_robot(EXAMPLES / "small.yaml"), tendon=1, max_tension=20.0)
+    verdict = stages.judged(paper.budget)
+    m, _ = verdict.meanings
+    assert m.polynomial is None and m.valid_to is not None and m.corrected.valid_to is not None
+    assert m.corrected.valid_to < m.valid_to < 20.0
+    code = correction_code(replace(stages.over(paper), verdict=verdict), "python")
+    said = f"up to {m.corrected.valid_to:.3g} N; without the correction: up to {m.valid_to:.3g} N."
+    words = " ".join(code.split())
+    assert said in words and words.count("without the correction") == 1
+
+
 def test_an_input_without_a_correction_has_no_code(paper: Study) -> None:
     stages = Stages(bs.load_robot("amouri2019", FITTED["bent without load"]), tendon=1)
     verdict = stages.judged(paper.budget)

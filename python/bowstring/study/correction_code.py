@@ -130,11 +130,14 @@ def _said(study: Study, neither: str) -> Iterator[str]:
         elif without_closed_form(robot):
             yield f"{source}: no correction, because {neither}."
         else:
+            top = study.settings.max_tension
+            farther = (m.valid_to or 0.0) > (m.corrected.valid_to or 0.0)
+            plain = f"; without the correction: {how_far(m, top)}" if farther else ""
             yield (
                 f"{source}: constant curvature, corrected: tendons run straight between the disks, "
                 f"clamped lengths stay straight; without gravity. Error within "
                 f"{in_mm(verdict.tolerance_length)} with {study.settings.actuated}: "
-                f"{how_far(m.corrected, study.settings.max_tension)}."
+                f"{how_far(m.corrected, top)}{plain}."
             )
 
 
