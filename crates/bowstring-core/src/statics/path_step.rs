@@ -13,7 +13,6 @@ use crate::statics::inelastic::UnloadedCurvature;
 use crate::statics::relaxation::CreepingTendons;
 use crate::statics::solver::{Solver, Status};
 use crate::tendon::{Command, History, Transmission};
-use std::ptr;
 
 // Tuned constants of the iteration. Lengths are fractions of the robot's length.
 
@@ -207,12 +206,12 @@ impl PathStep {
     /// that fails; after `begin`.
     pub fn solve(&mut self, old: &History, commands: &[Command], load: &Load) -> PathOutcome {
         if let Some(guess) = self.guess.take().filter(|guess| guess.is_alike(old)) {
-            let found = self.newton(old, commands, load, &guess);
+            let found = self.newton(old, commands, load, Some(&guess));
             if found.status == Status::Converged {
                 return found;
             }
         }
-        let first = self.newton(old, commands, load, old);
+        let first = self.newton(old, commands, load, None);
         if first.status == Status::Converged {
             return first;
         }
@@ -234,7 +233,7 @@ impl PathStep {
             part.between_dead(&old.load, load, share);
             let part = part.borrow();
             let now = if share == 1.0 { load } else { &part };
-            let found = self.newton(&from, &part_commands, now, &from);
+            let found = self.newton(&from, &part_commands, now, None);
             iterations += found.iterations;
             if iterations > MOST_ITERATIONS || interrupt::must_end() {
                 break;
@@ -265,24 +264,23 @@ impl PathStep {
     }
 
     /// One implicit step from `old`, by Newton's method from the pose, tensions and slip of `guess`,
-    /// which is `old` or near the solution; leaves the solution in `self.transmission`.
+    /// without one from those of `old`; leaves the solution in `self.transmission`.
     fn newton(
         &mut self,
         old: &History,
         commands: &[Command],
         load: &Load,
-        guess: &History,
+        guess: Option<&History>,
     ) -> PathOutcome {
         let mut outcome = PathOutcome::pending();
         self.start(old, commands, load);
-        let most_steps = if ptr::eq(guess, old) {
-            MAX_STEPS
-        } else {
+        let mut most_steps = MAX_STEPS;
+        if let Some(guess) = guess {
             self.start_at(guess);
-            MAX_STEPS_NEARBY
-        };
+            most_steps = MAX_STEPS_NEARBY;
+        }
         let friction = self.transmission.friction.enabled;
-        let fresh = friction && guess.drops.iter().all(|y| *y == 0.0);
+        let fresh = friction && guess.unwrap_or(old).drops.iter().all(|y| *y == 0.0);
         let mut state = Iteration {
             symmetric: load.has_potential(),
             rigid: self.transmission.tendons.is_rigid(),
