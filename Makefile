@@ -8,8 +8,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates/bowstring-rod crates/bowstring-core crates/bowstring-py -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study checks core-tests test test-slow test-all test-versions docs bench build campaign campaign-files clean lock suite \
-	paper-figures playground test-playground wheel sdist check-wheel check-sdist check-version
+.PHONY: study checks core-tests rust-tests rust-slow-tests python-tests test test-slow test-all test-versions docs bench \
+	build campaign campaign-files clean lock suite paper-figures playground test-playground wheel sdist check-wheel \
+	check-sdist check-version
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
 	@$(BIN)/bowstring study "$(ROBOT)"
@@ -40,6 +41,7 @@ $(VENV)/.built: $(VENV)/.installed-base $(RUST_SOURCES) pyproject.toml
 	@touch $@
 
 # Each core has a process of pytest, so that more threads of linear algebra only wait for each other.
+SLOW := slow or fem or cad or data
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal --durations=20
 
 checks: build $(VENV)/.installed-test
@@ -64,21 +66,28 @@ core-tests: ## compiles the tests of the core
 	$(CORE_TESTS) --no-run --quiet
 	$(FACE_TESTS) --no-run --quiet
 
-test: checks ## lints, types, and the tests that are quick
+rust-tests: core-tests
 	$(UNIT_TESTS)
 	$(CORE_TESTS)
 	$(FACE_TESTS)
 	cargo test --release -p bowstring-core --doc --locked
-	$(PYTEST) -m "not slow and not fem and not cad and not data"
 
-test-slow: checks $(VENV)/.installed-all ## the others: statistics, finite elements, solids, kills, data of others, small benchmarks of the core
+rust-slow-tests: core-tests
 	$(CORE_TESTS) -- --ignored
 	$(BENCHES_ONCE)
 	rm -f target/campaign-small.txt
 	$(CAMPAIGN) 500 target/campaign-small.txt
-	$(PYTEST) -m "slow or fem or cad or data"
 
-test-all: test test-slow
+test: checks rust-tests ## lints, types, and the tests that are quick
+	$(PYTEST) -m "not ($(SLOW))"
+
+test-slow: checks rust-slow-tests $(VENV)/.installed-all ## the others: statistics, finite elements, solids, kills, data of others, small benchmarks of the core
+	$(PYTEST) -m "$(SLOW)"
+
+test-all: checks rust-tests rust-slow-tests python-tests ## all tests; with -j 2, those of Rust beside those of Python
+
+python-tests: build $(VENV)/.installed-all
+	$(PYTEST)
 
 test-versions: build ## tests with the oldest versions allowed, or RESOLUTION=highest (needs uv)
 	uv venv --quiet --allow-existing --python $(PYTHON) .venv-$(RESOLUTION)
