@@ -235,8 +235,8 @@ def dead_loads(
 
 def is_loaded(load: Load) -> bool:
     """Whether a load has more than the tendons and zero forces at the tip."""
-    others = (load.gravity, load.disk_forces, load.disk_moments, load.point_loads, load.line_forces)
-    return any(load.tip_force) or any(load.tip_moment) or any(each is not None for each in others)
+    at_tip = any(load.tip_force) or any(load.tip_moment)
+    return at_tip or bool(load.given - {"tip_force", "tip_moment"})
 
 
 def settings_of(load: Load, rod: RodModel, *without: str) -> dict[str, Any]:

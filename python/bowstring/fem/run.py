@@ -506,15 +506,7 @@ def _run(
     if not isinstance(settings, Settings):
         raise InputError(f"settings is {validation.shown(settings)}, it must be Settings")
     settings.check()
-    others = (
-        load.tip_moment,
-        load.disk_forces,
-        load.disk_moments,
-        load.point_loads,
-        load.line_forces,
-        load.base,
-    )
-    if not load.is_tension_controlled or any(value is not None for value in others):
+    if load.given - {"tensions", "gravity", "tip_force"}:
         raise InputError("finite elements take tensions, gravity and a tip force only")
     keep = None if keep is None else check_keep(keep)
     notify = progress or (lambda what, share: None)

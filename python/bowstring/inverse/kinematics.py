@@ -304,7 +304,7 @@ def _dead(load: Load | None) -> Load:
         return Load()
     if not isinstance(load, Load):
         raise InputError(f"load is {shown(load)}, it must be a bowstring.Load")
-    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
+    if load.is_actuated:
         raise InputError("load has an actuation, which is what the inverse finds; leave it out")
     if load.base is not None:
         raise InputError("load has a motion of the base, which is for bowstring.simulate only")

@@ -21,7 +21,10 @@ from bowstring.robot.laws import OF_COMMANDS
 from bowstring.robot.model import check_robot, check_without_laws
 from bowstring.statics.load import Load, as_load
 from bowstring.statics.load_tables import (
+    FORCE,
+    MOMENT,
     POINT_NUMBERS,
+    acts,
     same_points,
     with_arrays,
     without_wrenches,
@@ -470,7 +473,7 @@ def _followed(
         raise InputError("start must be a bowstring.Load")
     end, model = _complete(robot, load, "load"), as_model(model)
     if start is None:
-        alone = not (np.any(end.tensions) or _acts(end))
+        alone = not (np.any(end.tensions) or acts(end))
         start = Load(gravity=np.zeros(3) if alone else end.gravity)
     begin = _complete(robot, start, "start")
     settings = _Settings(
@@ -508,14 +511,6 @@ def _complete(robot: Robot, load: Load, name: str) -> Load:
     tensions = np.zeros(count) if load.tensions is None else validation.floats(load.tensions)
     gravity = robot.gravity if load.gravity is None else load.gravity
     return replace(with_arrays(load), tensions=tensions, gravity=validation.floats(gravity))
-
-
-def _acts(load: Load) -> bool:
-    names = ("tip_force", "tip_moment", "disk_forces", "disk_moments", "line_forces")
-    given = [getattr(load, name) for name in names]
-    if load.point_loads is not None:
-        given.append(load.point_loads[:, 4:10])
-    return any(value is not None and bool(np.any(value)) for value in given)
 
 
 def _branch(found: dict[str, Any]) -> Branch:
@@ -557,6 +552,16 @@ def _leads(branch: Branch, event: BranchEvent, lost: int) -> bool:
     return event.point <= lost and not any(branch.stable[k] for k in between)
 
 
+_IN_WORDS: Final = (
+    ("tip_force", "N", "at the tip"),
+    ("tip_moment", "N m", "of moment at the tip"),
+    ("gravity", "m/s^2", "of gravity"),
+    ("disk_forces", "N", "in all on the disks"),
+    ("disk_moments", "N m", "of moment in all on the disks"),
+    ("line_forces", "N/m", "along the backbone"),
+)
+
+
 def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
     """Difference of the loads at a factor and at factor 0, by components."""
     out = []
@@ -564,33 +569,20 @@ def _differences(start: Load, load: Load, factor: float) -> tuple[str, ...]:
         if a != b:
             word = "more" if b > a else "less"
             out.append(f"{factor * abs(b - a):.4g} N on tendon {i + 1} {word}")
-    for name, unit, words in (
-        ("tip_force", "N", "at the tip"),
-        ("tip_moment", "N m", "of moment at the tip"),
-        ("gravity", "m/s^2", "of gravity"),
-        ("disk_forces", "N", "in all on the disks"),
-        ("disk_moments", "N m", "of moment in all on the disks"),
-    ):
-        a, b = (getattr(of, name) for of in (start, load))
-        first, last = (np.zeros(3) if v is None else np.asarray(v) for v in (a, b))
-        size, *ends = (np.linalg.norm(v, axis=-1).sum() for v in (last - first, first, last))
+    parts = [(getattr(start, name), getattr(load, name), *said) for name, *said in _IN_WORDS]
+    points = _same_rows(start.point_loads, load.point_loads)
+    parts += [
+        (*(table[:, FORCE] for table in points), "N", "in all at points of the robot"),
+        (*(table[:, MOMENT] for table in points), "N m", "of moment in all at points of the robot"),
+    ]
+    for *ends, unit, words in parts:
+        first, last = (np.zeros(3) if v is None else np.asarray(v) for v in ends)
+        total = np.max if unit == "N/m" else np.sum
+        size, before, after = (
+            total(np.linalg.norm(v, axis=-1)) for v in (last - first, first, last)
+        )
         if size > 0:
-            word = "more" if ends[1] >= ends[0] else "less"
-            out.append(f"{factor * size:.4g} {unit} {words} {word}")
-    lines = [np.zeros(3) if v is None else v for v in (start.line_forces, load.line_forces)]
-    size, *ends = (np.linalg.norm(v, axis=-1).max() for v in (lines[1] - lines[0], *lines))
-    if size > 0:
-        word = "more" if ends[1] >= ends[0] else "less"
-        out.append(f"{factor * size:.4g} N/m along the backbone {word}")
-    tables = _same_rows(start.point_loads, load.point_loads)
-    apart = [tables[1] - tables[0], *tables]
-    for columns, unit, words in (
-        (slice(4, 7), "N", "in all at points of the robot"),
-        (slice(7, 10), "N m", "of moment in all at points of the robot"),
-    ):
-        size, *ends = (float(np.linalg.norm(v[:, columns], axis=1).sum()) for v in apart)
-        if size > 0:
-            word = "more" if ends[1] >= ends[0] else "less"
+            word = "more" if after >= before else "less"
             out.append(f"{factor * size:.4g} {unit} {words} {word}")
     return tuple(out)
 

@@ -221,6 +221,11 @@ class Load:
             object.__setattr__(self, "point_loads", point_loads(given))
 
     @property
+    def given(self) -> set[str]:
+        """Names of the loads that are not left out."""
+        return {name for name, value in vars(self).items() if value is not None}
+
+    @property
     def is_actuated(self) -> bool:
         """Whether any tendon has a tension, a displacement or an angle."""
         return not (self.tensions is None and self.is_tension_controlled)

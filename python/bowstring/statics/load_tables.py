@@ -11,12 +11,13 @@ import numpy as np
 from bowstring.aliases import Floats
 from bowstring.errors import InputError
 from bowstring.statics.load import Load, PointLoad, depends_on_time, point_loads
-from bowstring.validation import read
+from bowstring.validation import floats, read
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
 _BESIDE_TIP: Final = attrgetter("disk_forces", "disk_moments", "point_loads", "line_forces", "base")
+_DEAD: Final = ("tip_force", "tip_moment", "disk_forces", "disk_moments", "line_forces")
 ON_DISKS: Final = {"disk_forces": "N", "disk_moments": "N m", "line_forces": "N/m"}
 """Loads with a vector for each disk, with their units."""
 POINT_NUMBERS: Final = 12
@@ -134,6 +135,27 @@ def same_points(a: Floats, b: Floats) -> bool:
     return a.shape == b.shape and bool(
         (np.delete(a, WRENCH, axis=1) == np.delete(b, WRENCH, axis=1)).all()
     )
+
+
+def acts(load: Load) -> bool:
+    """Whether a load with arrays has a force or a moment beside the tendons and the weight."""
+    given = [getattr(load, name) for name in _DEAD]
+    if load.point_loads is not None:
+        given.append(load.point_loads[:, WRENCH])
+    return any(value is not None and bool(np.any(value)) for value in given)
+
+
+def scaled(load: Load, share: float) -> Load:
+    """Return a load with arrays whose forces and moments, without the weight, have a share."""
+    values = {
+        name: share * floats(value)
+        for name in _DEAD
+        if (value := getattr(load, name, None)) is not None
+    }
+    if load.point_loads is not None:
+        values["point_loads"] = load.point_loads.copy()
+        values["point_loads"][:, WRENCH] *= share
+    return load.replace(**values)
 
 
 def without_wrenches(numbers: Floats) -> Floats:

@@ -22,8 +22,9 @@ from bowstring.inverse.limits import ActuationLimits
 from bowstring.results import Key, Result
 from bowstring.robot.model import Robot, check_robot, check_tendons
 from bowstring.statics.load import Load
+from bowstring.statics.load_tables import acts, scaled
 from bowstring.statics.rod import solve_batch
-from bowstring.validation import choice, floats, share_of_length, whole
+from bowstring.validation import choice, share_of_length, whole
 from bowstring.validity.control_commands import (
     BY_ARCS,
     COMMANDS,
@@ -348,7 +349,8 @@ def control_errors(
     least = np.where(robot.tendons.pushes, -most, 0.0)
     chosen = _chosen(Commander(robot, load, model, least, most), commands)
     notify = progress or (lambda what, done: None)
-    shares = np.array(_SHARES if _is_loaded(robot, load) else ())
+    is_loaded = acts(load) or gravity_of(robot, load).any()
+    shares = np.array(_SHARES if is_loaded else ())
     rounds = 1.0 + len(shares)
     notify("poses", 0.0)
 
@@ -364,7 +366,7 @@ def control_errors(
         raise no_pose(robot, poses)
     by_load: dict[str, list[list[float]]] = {name: [] for name in landed}
     for k, share in enumerate(shares):
-        part = _scaled(robot, load, float(share))
+        part = scaled(load, share).replace(gravity=share * gravity_of(robot, load))
         here, there = wanted, landed
         if share != 1.0:
             here, there, *_ = at(part, min(poses, 256), 0, 1.0 + k)
@@ -442,32 +444,6 @@ def _chosen(commander: Commander, names: Sequence[str] | None) -> tuple[str, ...
         if refusal is not None:
             raise InputError(f"{commander.robot.name} takes no commands {name}: {refusal}")
     return tuple(dict.fromkeys(names))
-
-
-_WRENCH: Final = slice(4, 10)  # force and moment in the numbers of a point load
-_SCALED: Final = ("tip_force", "tip_moment", "disk_forces", "disk_moments", "line_forces")
-
-
-def _is_loaded(robot: Robot, load: Load) -> bool:
-    given = [getattr(load, name, None) for name in _SCALED]
-    dead = any(value is not None and floats(value).any() for value in given)
-    if load.point_loads is not None and load.point_loads[:, _WRENCH].any():
-        dead = True
-    return bool(dead or gravity_of(robot, load).any())
-
-
-def _scaled(robot: Robot, load: Load, share: float) -> Load:
-    """Dead loads times a share."""
-    values = {"gravity": share * gravity_of(robot, load)}
-    for name in _SCALED:
-        value = getattr(load, name, None)
-        if value is not None:
-            values[name] = share * floats(value)
-    if load.point_loads is not None:
-        points = load.point_loads.copy()  # rows as of `PointLoad.numbers`
-        points[:, _WRENCH] *= share
-        values["point_loads"] = points
-    return load.replace(**values)
 
 
 # -- figure -----------------------------------------------------------------------------------

@@ -250,7 +250,7 @@ def prepared(
         equilibrium, and none of a few others.
     """
     load, model = instance("load", load, Load), instance("model", model, RodModel)
-    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
+    if load.is_actuated:
         raise InputError("load has an actuation, and tensions are drawn; leave it out")
     load = with_arrays(load)
     robot = without_laws(robot)

@@ -230,13 +230,11 @@ def space_of(
     if "bend" not in paths and not any(path.endswith(".friction") for path in paths):
         robot = with_tendons(robot, {"friction": 0.0})
     loading, load = instance("loading", loading, Loading), instance("load", load, Load)
-    if any(value is not None for value in (load.tensions, load.displacements, load.angles)):
+    if load.is_actuated:
         raise InputError("load has an actuation; of a map it is that of loading and of the axes")
     if load.tip_moment is not None:
         raise InputError("load has a tip moment; a map takes gravity and tip force only")
-    on_disks = (load.disk_forces, load.disk_moments, load.point_loads)
-    others = (*on_disks, load.line_forces, load.base)
-    if any(value is not None for value in others):
+    if load.given - {"gravity", "tip_force"}:
         raise InputError("load has loads on disks; a map takes gravity and tip force only")
     check_dead_loads(robot, paths, load)
     shares = np.array(loading.shares(robot))

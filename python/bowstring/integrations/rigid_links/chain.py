@@ -359,16 +359,7 @@ class LinkChain:
 
     def _forces(self, load: Load) -> _Forces:
         tendons = len(self.robot.tendons.segment)
-        other = (
-            load.displacements,
-            load.angles,
-            load.disk_forces,
-            load.disk_moments,
-            load.point_loads,
-            load.line_forces,
-            load.base,
-        )
-        if any(part is not None for part in other):
+        if load.given - {"tensions", "gravity", "tip_force", "tip_moment"}:
             raise InputError("a chain of links takes tensions, gravity, and loads at the tip")
         given = np.zeros(tendons) if load.tensions is None else load.tensions
         tensions = np.asarray(given, dtype=float)
