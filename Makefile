@@ -70,7 +70,7 @@ rust-tests: core-tests
 	$(UNIT_TESTS)
 	$(CORE_TESTS)
 	$(FACE_TESTS)
-	cargo test --release -p bowstring-core --doc --locked
+	MAKEFLAGS= cargo test --release -p bowstring-core --doc --locked
 
 rust-slow-tests: core-tests
 	$(CORE_TESTS) -- --ignored
