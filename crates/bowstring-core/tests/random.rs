@@ -170,67 +170,72 @@ fn hostile_robots(numbers: Range<usize>) {
     assert!(slowest.0 < Duration::from_secs(5), "{slowest:?}");
 }
 
-/// The stated error of the tip against the error with respect to eight elements, over 3 000 robots;
-/// a third of them are softer in torsion than any tube, like notched ones.
 #[test]
-fn stated_error_covers_the_error() {
-    for theory in [Theory::Kirchhoff, Theory::Cosserat] {
-        for (elements, torsion) in [(1, 1.0), (2, 1.0), (1, 0.02)] {
-            let (mut kept, mut covered, mut close, mut drawn) = (0, 0, 0, 0);
-            let mut ratios = vec![];
-            while kept < 500 {
-                let mut case = Case::realistic(&mut Draw::new(7, drawn));
-                drawn += 1;
-                case.model.theory = theory;
-                for section in case
-                    .spec
-                    .backbone
-                    .iter_mut()
-                    .flat_map(Profile::sections_mut)
-                {
-                    section.torsion *= torsion;
-                }
-                let robot = Robot::new(case.spec.clone()).unwrap();
-                let load = case.load.borrow();
-                let mut fine = Solver::new(&robot, case.model, 8).unwrap();
-                let mut coarse = Solver::new(&robot, case.model, elements).unwrap();
-                let mut found = fine.solve(&load).unwrap();
-                let mut outcome = coarse.solve(&load).unwrap();
-                let sound = |o: &Outcome| o.status == Status::Converged && !o.left_unstable;
-                if !sound(&found) || !sound(&outcome) {
-                    continue;
-                }
-                let (fine_tip, tip) = (fine.tip().unwrap(), coarse.tip().unwrap());
-                fine.estimate_error(&mut found);
-                coarse.estimate_error(&mut outcome);
-                let rest = found.error.unwrap().tip;
-                let stated = outcome.error.unwrap().tip;
-                let error = (tip.position - fine_tip.position).norm();
-                // another branch, or no better reference
-                if error > 0.1 * robot.length()
-                    || rest > 0.1 * stated
-                    || error < 1e-10 * robot.length()
-                {
-                    continue;
-                }
-                kept += 1;
-                let ratio = stated / error;
-                covered += usize::from(ratio >= 1.0);
-                close += usize::from(ratio <= 30.0);
-                ratios.push(ratio);
+fn stated_errors_of_kirchhoff_rods_cover_the_error() {
+    compare_stated_errors(Theory::Kirchhoff);
+}
+
+#[test]
+fn stated_errors_of_cosserat_rods_cover_the_error() {
+    compare_stated_errors(Theory::Cosserat);
+}
+
+/// The stated error of the tip against the error with respect to eight elements, over 1 500 robots;
+/// a third of them are softer in torsion than any tube, like notched ones.
+fn compare_stated_errors(theory: Theory) {
+    for (elements, torsion) in [(1, 1.0), (2, 1.0), (1, 0.02)] {
+        let (mut kept, mut covered, mut close, mut drawn) = (0, 0, 0, 0);
+        let mut ratios = vec![];
+        while kept < 500 {
+            let mut case = Case::realistic(&mut Draw::new(7, drawn));
+            drawn += 1;
+            case.model.theory = theory;
+            for section in case
+                .spec
+                .backbone
+                .iter_mut()
+                .flat_map(Profile::sections_mut)
+            {
+                section.torsion *= torsion;
             }
-            ratios.sort_by(f64::total_cmp);
-            println!(
-                "{theory:?}, {elements}, torsion {torsion}: {covered} of {kept} covered, {close} within 30 times; \
-                 least {:.2}, 1 % {:.2}, median {:.2}, 90 % {:.2}, most {:.1e}",
-                ratios[0],
-                ratios[kept / 100],
-                ratios[kept / 2],
-                ratios[kept * 9 / 10],
-                ratios[kept - 1]
-            );
-            assert!(covered * 100 >= kept * 99 && close * 10 >= kept * 9);
+            let robot = Robot::new(case.spec.clone()).unwrap();
+            let load = case.load.borrow();
+            let mut fine = Solver::new(&robot, case.model, 8).unwrap();
+            let mut coarse = Solver::new(&robot, case.model, elements).unwrap();
+            let mut found = fine.solve(&load).unwrap();
+            let mut outcome = coarse.solve(&load).unwrap();
+            let sound = |o: &Outcome| o.status == Status::Converged && !o.left_unstable;
+            if !sound(&found) || !sound(&outcome) {
+                continue;
+            }
+            let (fine_tip, tip) = (fine.tip().unwrap(), coarse.tip().unwrap());
+            fine.estimate_error(&mut found);
+            coarse.estimate_error(&mut outcome);
+            let rest = found.error.unwrap().tip;
+            let stated = outcome.error.unwrap().tip;
+            let error = (tip.position - fine_tip.position).norm();
+            // another branch, or no better reference
+            if error > 0.1 * robot.length() || rest > 0.1 * stated || error < 1e-10 * robot.length()
+            {
+                continue;
+            }
+            kept += 1;
+            let ratio = stated / error;
+            covered += usize::from(ratio >= 1.0);
+            close += usize::from(ratio <= 30.0);
+            ratios.push(ratio);
         }
+        ratios.sort_by(f64::total_cmp);
+        println!(
+            "{theory:?}, {elements}, torsion {torsion}: {covered} of {kept} covered, {close} within 30 times; \
+             least {:.2}, 1 % {:.2}, median {:.2}, 90 % {:.2}, most {:.1e}",
+            ratios[0],
+            ratios[kept / 100],
+            ratios[kept / 2],
+            ratios[kept * 9 / 10],
+            ratios[kept - 1]
+        );
+        assert!(covered * 100 >= kept * 99 && close * 10 >= kept * 9);
     }
 }
 
