@@ -51,6 +51,7 @@ def test_intervals_hold_95_percent_where_the_parameters_count_most() -> None:
     assert np.mean(alone) < 0.8 and factor > 1.5  # the scatter alone is too little
 
 
+@pytest.mark.slow
 def test_the_standard_deviation_by_parameters_is_that_of_repeated_fits() -> None:
     other = table(0, 6, 0.0, 60.0)
     found = [of(seed, 60, 15.0) for seed in range(60)]

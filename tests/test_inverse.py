@@ -332,7 +332,7 @@ def rubbing(friction):
     return robot, bs.sweep(robot, tensions).raise_for_status()
 
 
-@pytest.mark.parametrize("friction", [0.05, 0.15])
+@pytest.mark.parametrize("friction", [0.05, pytest.param(0.15, marks=pytest.mark.slow)])
 def test_the_path_counts_with_friction(friction):
     robot, there_and_back = rubbing(friction)
     tips = there_and_back.tip_position

@@ -210,6 +210,7 @@ def test_a_load_that_rolls_the_robot_up_is_named() -> None:
         run_study(soft, loading=Loading(max_tension=80.0))
 
 
+@pytest.mark.slow
 def test_loads_beyond_any_arc_are_in_no_mean(paper: Study) -> None:
     got = Stages(load_robot("amouri2019"), max_tension=900.0)
     lengths = got.comparisons["cc_from_lengths"]

@@ -663,6 +663,7 @@ def test_a_correction_that_reaches_farther_than_the_polynomial_is_named(paper: S
     assert headings[:2] == ["Polynomial from lengths", "Corrected from lengths"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_loads_without_equilibrium_are_said_first() -> None:
     """A mean over one load, that without tension, is no mean; one over three says so."""

@@ -575,6 +575,7 @@ def test_where_the_solver_gave_up_is_not_without_equilibrium(
     assert "no stable equilibrium" in legend_of(lost.figure().axes[0])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_a_limit_before_the_end_of_what_is_solved_counts_as_solved() -> None:
     """Loads beyond 1000 N, which are not solved, do not matter to a limit of 56 N."""

@@ -132,6 +132,7 @@ def test_a_map_of_limits_has_a_figure(tmp_path: Path) -> None:
     assert "up to" in limits.described()[1]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("coarse")
 def test_a_region_without_equilibrium_is_drawn(tmp_path: Path) -> None:
     upright = ROBOT.with_({"gravity": [0.0, 0.0, -9.81]})
