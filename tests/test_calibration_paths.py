@@ -149,7 +149,10 @@ def test_a_path_from_the_states_of_another_is_that_from_home(law: str) -> None:
     compare_with_home(law, made_up_displacements(40), (0.0, 0.1, -0.1, 1e-4, 0.0))
 
 
-@pytest.mark.parametrize("law", [pytest.param("friction", marks=pytest.mark.slow), "hysteresis"])
+@pytest.mark.parametrize(
+    "law",
+    [pytest.param(law, marks=pytest.mark.slow) if "friction" in law else law for law in LAWS],
+)
 def test_states_of_a_path_pass_over_a_row_without_equilibrium(law: str) -> None:
     rows = made_up_displacements(8)
     rows[3] = 0.05  # no backbone is compressed by as much

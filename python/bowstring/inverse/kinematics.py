@@ -116,7 +116,7 @@ def inverse_kinematics(
     chosen: RodModel | Literal["constant_curvature"] = "constant_curvature"
     if isinstance(model, str):
         validation.choice("model", model, ("constant_curvature",))
-        if any(value is not None for value in load.__dict__.values()):
+        if load.given:
             raise InputError(
                 "constant curvature knows no loads; leave load out, or give model=RodModel()"
             )
